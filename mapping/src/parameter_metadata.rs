@@ -104,7 +104,7 @@ fn cut<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
 }
 
 impl Entry {
-    /// `None` where the entry contradicts itself.
+    /// `None` where the type is unknown, or the entry contradicts itself.
     fn described(self) -> Option<(String, Described)> {
         let kind = match self.kind.as_str() {
             "Float" => ParameterKind::Float,

@@ -1,4 +1,4 @@
-//! The simulated PX4: its services beside their clients (`services`), and the vehicle as a ground station sees it
+//! The simulated PX4: its services with their clients (`services`), and the vehicle as a ground station sees it
 //! (`vehicle`).
 
 mod services;

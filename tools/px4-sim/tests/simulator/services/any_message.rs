@@ -154,7 +154,7 @@ impl Everything {
         self.param_server.handle_timeout(now);
     }
 
-    /// Begins something; that it cannot, being busy, is as good.
+    /// Starts an operation; that it cannot, because it is busy, is fine too.
     fn start(&mut self, now: Duration, what: u8) {
         let kind = MavMissionType::MAV_MISSION_TYPE_MISSION;
         let name = param::Name::new("A").unwrap();
@@ -180,7 +180,7 @@ impl Everything {
         };
     }
 
-    /// Takes out all messages and events, and returns how many there were.
+    /// Removes all messages and events, and returns how many there were.
     fn drain(&mut self) -> usize {
         let mut n = 0;
         while self.missions.poll_transmit().is_some() {
@@ -245,7 +245,7 @@ proptest! {
         // Eleven queues, none longer than 64.
         prop_assert!(all.drain() <= 11 * 64);
 
-        // Left alone, every client comes to an end.
+        // Without further input, every client ends.
         for _ in 0..4000 {
             let due = [all.missions.poll_timeout(), all.commands.poll_timeout(),
                 all.params.poll_timeout(), all.texts.poll_timeout()];

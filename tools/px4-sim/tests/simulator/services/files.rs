@@ -1,4 +1,5 @@
-//! Files, both ends: over a network that loses, against a vehicle that restarts, and against peers that lie.
+//! Files, both ends: over a lossy network, against a vehicle that restarts, and against peers that send false
+//! answers.
 
 use std::time::Duration;
 
@@ -64,7 +65,7 @@ impl Run {
         }
     }
 
-    /// One step in time; the end of the operation, if it has ended.
+    /// One step of time; the result of the operation, once it has ended.
     fn step(&mut self) -> Option<Result<Done, Failure>> {
         while let Some(message) = self.client.poll_transmit() {
             self.network
@@ -122,7 +123,7 @@ impl Run {
         self.end()
     }
 
-    /// The vehicle restarts: its card stays.
+    /// The vehicle restarts: its card keeps its contents.
     fn restart(&mut self) {
         self.server = Server::new(PX4, self.server.files().clone());
     }
@@ -151,7 +152,7 @@ fn a_file_arrives_whole_however_bad_the_network() {
 fn a_good_network_costs_one_request_a_burst() {
     let mut run = Run::new(with_log(500_000), FAIR, 1);
     run.run(read(LOG)).unwrap();
-    // 500 000 bytes are 14 bursts of 37 000; opening, closing, the checksum and the first exchange come to it.
+    // 500 000 bytes are 14 bursts of 37 000; opening, closing, the checksum and the first exchange add the rest.
     assert!(run.requests < 40, "{} requests", run.requests);
     assert!(
         run.now - START < Duration::from_secs(3),
@@ -199,7 +200,7 @@ fn a_broken_transfer_continues_where_it_broke_off() {
     );
     assert_eq!(run.delivered.len(), 90_000 - had.len());
     assert!([had, run.delivered.clone()].concat() == content(90_000));
-    // Another file of that name is not continued.
+    // Another file of that name is not resumed.
     let mut other = content(90_000);
     other[0] ^= 1;
     run.server.files_mut().insert(LOG, other);
@@ -288,7 +289,7 @@ fn folders_are_listed_made_and_removed() {
     };
     assert!(matches!(run.run(write), Ok(Done::Written { size: 0, .. })));
     let full = run.run(Operation::RemoveDirectory(path(made))).unwrap_err();
-    // The error before it, 17, has stuck: what PX4 v1.18 does.
+    // The error before it, 17, is kept: as PX4 v1.18 does.
     assert!(full.to_string().contains("not empty"), "{full}");
     assert_eq!(
         run.run(Operation::Remove(path("/fs/microsd/made/x"))),
@@ -334,7 +335,7 @@ fn a_session_of_another_station_is_waited_for_and_not_reset() {
         .handle_message(run.now, other, &open.message(PX4));
     while run.server.poll_transmit().is_some() {}
     run.run(read(LOG)).unwrap();
-    // PX4 closes it 10 s after the last request of anybody.
+    // PX4 closes it 10 s after the last request by anybody.
     assert!(
         run.now - START > Duration::from_secs(10),
         "{:?}",
@@ -353,7 +354,7 @@ fn an_answer_of_a_former_life_of_this_station_is_not_taken() {
     files.insert("/fs/microsd/log/b.ulg", content(500));
     let mut run = Run::new(files, FAIR, 1);
     let first = Client::new(US, PX4, Timing::default());
-    // The numbers that the new client is going to use, answered for another file.
+    // The numbers that the new client will use, answered for another file.
     let mut probe = first;
     probe.start(run.now, read(LOG)).unwrap();
     let Some(MavMessage::FILE_TRANSFER_PROTOCOL(request)) = probe.poll_transmit() else {
@@ -435,7 +436,7 @@ fn nak(request: &Payload, error: FtpError) -> Payload {
     }
 }
 
-/// Opens as if the file had 1 000 bytes; what follows is the liar's.
+/// Opens as if the file had 1 000 bytes; the later answers are those of `lie`.
 fn liar(mut lie: impl FnMut(&Payload) -> Vec<Payload>) -> Result<Done, Failure> {
     let (ended, delivered) = against(read(LOG), |request| match request.opcode() {
         Some(Opcode::MAV_FTP_OPCODE_BURSTREADFILE | Opcode::MAV_FTP_OPCODE_READFILE) => {
@@ -517,7 +518,7 @@ fn a_peer_that_lies_is_refused_by_name() {
     for (ended, lie) in lies {
         assert_eq!(ended, Err(Failure::Lie(lie)));
     }
-    // Whole, and not what the vehicle has.
+    // Complete, but not what the vehicle has.
     let ended = liar(|request| {
         let length = (1_000 - request.offset).min(239) as usize;
         vec![ack(request, &vec![7; length])]
@@ -532,7 +533,7 @@ fn a_peer_that_lies_is_refused_by_name() {
         ),
         "{ended:?}"
     );
-    // The same bytes for ever are as good as silence.
+    // The same bytes for ever count as no answer.
     let ended = liar(|request| match request.opcode() {
         Some(Opcode::MAV_FTP_OPCODE_BURSTREADFILE) => {
             vec![
@@ -590,7 +591,7 @@ fn only_one_operation_runs_and_strangers_are_not_believed() {
 fn a_reader_that_does_not_read_stops_the_requests() {
     let mut run = Run::new(with_log(2_000_000), FAIR, 1);
     run.client.start(run.now, read(LOG)).unwrap();
-    // Nothing is taken from the client for ten seconds.
+    // Nothing is read from the client for ten seconds.
     while run.now < START + Duration::from_secs(10) {
         while let Some(message) = run.client.poll_transmit() {
             run.network
@@ -633,7 +634,7 @@ fn a_reader_that_does_not_read_stops_the_requests() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Any size, any network of up to a fifth lost: what is reported as read is what the vehicle has, and what is
+    /// Any size, any network with up to a fifth lost: what is reported as read is what the vehicle has, and what is
     /// reported as written is there.
     #[test]
     fn what_is_reported_as_done_is_done(
@@ -669,7 +670,7 @@ proptest! {
         prop_assert_eq!(run.server.files().get(to), Some(&content(size)[..]));
     }
 
-    /// Whatever a peer sends: no panic, no more than was announced, and an end.
+    /// Whatever a peer sends: no panic, no more data than was announced, and an end.
     #[test]
     fn any_peer_is_survived(
         answers in prop::collection::vec((any::<u8>(), any::<u8>(), any::<u32>(), any::<u8>(), 0_u16..4), 0..200),

@@ -169,7 +169,7 @@ fn an_upload_ends_right_or_with_a_stated_failure_and_stores_no_other_plan() {
             );
         }
     }
-    // A failure must be stated; it need not be usual.
+    // Most uploads succeed; every other one is reported as failed.
     assert!(uploaded * 100 >= runs * 97, "{uploaded} of {runs}");
 }
 
@@ -394,7 +394,7 @@ fn a_cancelled_upload_frees_the_vehicle_at_once() {
 
 #[test]
 fn a_plan_that_another_program_left_half_sent_is_not_finished_with_ours() {
-    // The other one has our name, as our predecessor before a restart would.
+    // The other station has the same ids, as an earlier process of this one would after a restart.
     let mut world = World::new(FAIR, 1);
     world.client.upload(world.now, MISSION, plan(9, 1)).unwrap();
     world.wait(Duration::from_millis(45));
@@ -419,19 +419,19 @@ fn a_transfer_that_another_station_left_is_waited_for() {
     world.server.handle_message(world.now, other, &count);
     while world.server.poll_transmit().is_some() {}
     world.client.upload(world.now, MISSION, plan(2, 2)).unwrap();
-    // The rival falls silent, PX4 gives it up after 5 s, and then it is our turn. Whoever asks
+    // The rival stops, PX4 drops its transfer after 5 s, and then this upload succeeds. A client that sends requests
     // more often than that keeps the dead transfer alive.
     assert!(matches!(world.run(), Event::Uploaded { .. }));
     assert_eq!(world.texts, ["Mission sync timeout\t"]);
 }
 
 #[test]
-fn a_station_that_goes_on_with_its_transfer_is_stated() {
+fn a_station_that_continues_its_transfer_is_stated() {
     let mut world = World::new(FAIR, 1);
     let error = MavMissionResult::MAV_MISSION_ERROR;
     world.client.upload(world.now, MISSION, plan(2, 2)).unwrap();
     let end = loop {
-        // A vehicle that is busy with the other one whenever we ask.
+        // A vehicle that is busy with the other station at each request.
         while let Some(message) = world.client.poll_transmit() {
             if matches!(message, MavMessage::MISSION_COUNT(_)) {
                 let busy = MavMessage::MISSION_ACK(MISSION_ACK_DATA {

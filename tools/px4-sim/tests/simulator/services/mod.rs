@@ -1,4 +1,4 @@
-//! The services' two ends over a network that loses, duplicates, delays and reorders.
+//! Both ends of the services over a network that loses, duplicates, delays and reorders.
 //!
 //! Every run is a function of its seed. Time is virtual.
 

@@ -122,7 +122,7 @@ fn reading_and_setting_answer_as_px4_does() {
     let event = ask(&|c, now| c.set(now, int, Value::Real(1.0)).unwrap());
     let mismatch = param::MavParamError::MAV_PARAM_ERROR_TYPE_MISMATCH;
     assert_eq!(event, refused(int, mismatch));
-    // Out of any sensible range, and taken: PX4 checks none.
+    // Outside any sensible range, and accepted: PX4 checks no range.
     let event = ask(&|c, now| c.set(now, real, Value::Real(5e9)).unwrap());
     assert_eq!(
         event,

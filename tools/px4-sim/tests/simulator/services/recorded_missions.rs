@@ -1,4 +1,4 @@
-//! Our mission server answers recorded ground stations as the recorded PX4 v1.18 did.
+//! The simulated mission server answers recorded ground stations as the recorded PX4 v1.18 did.
 #![allow(
     deprecated,
     reason = "the recordings hold MISSION_REQUEST and MISSION_ITEM"
@@ -17,7 +17,7 @@ use px4_sim::services::mission_rules::{Airframe, Px4Rules};
 
 use super::PX4;
 
-/// The ground station that meddles with a transfer in recording 02.
+/// The ground station that interferes with a transfer in recording 02.
 const SECOND: Node = Node::new(254, 190);
 
 /// A mission message of a recording.
@@ -68,7 +68,7 @@ fn every_acknowledged_plan_has_the_id_that_we_compute() {
                 MavMessage::MISSION_ITEM_INT(m) if !recorded.from_px4 => {
                     items.insert(m.seq, (&m).into());
                 }
-                // A plan of MISSION_ITEM has the floats of x and y in its id.
+                // The id of a plan of MISSION_ITEM covers the floats of x and y, which these items do not have.
                 MavMessage::MISSION_ITEM(_) => items.clear(),
                 MavMessage::MISSION_ACK(m) if m.opaque_id != 0 && !items.is_empty() => {
                     let items: Vec<_> = items.values().copied().collect();
@@ -86,7 +86,7 @@ fn every_acknowledged_plan_has_the_id_that_we_compute() {
 fn every_recorded_download_verifies_against_its_upload() {
     let mut downloads = 0;
     let name = "02-params-mission-upload";
-    // By the plan's kind and id: what was sent; by kind: the id and what came back so far.
+    // By the plan's kind and id: what was sent; by kind: the id and what was returned so far.
     let mut sent: BTreeMap<(u32, u32), Vec<Item>> = BTreeMap::new();
     let mut sending: Vec<Item> = Vec::new();
     let mut received: BTreeMap<u32, (u32, usize, Vec<Item>)> = BTreeMap::new();
@@ -124,7 +124,7 @@ fn every_recorded_download_verifies_against_its_upload() {
     assert_eq!(downloads, 3);
 }
 
-/// What PX4 answers, and what our server says to the same ground stations at the same times.
+/// The recorded answers of PX4, and those of the simulated server to the same ground stations at the same times.
 fn replay(messages: &[Recorded], px4: Node) -> (Vec<String>, Vec<String>) {
     let rules = Px4Rules {
         airframe: Airframe::RotaryWing,
@@ -136,7 +136,7 @@ fn replay(messages: &[Recorded], px4: Node) -> (Vec<String>, Vec<String>) {
             note(answers, &message);
         }
         while let Some(event) = server.poll_event() {
-            // The vehicle puts the first item up when the plan names none.
+            // The vehicle makes the first item current where the plan names none.
             if let ServerEvent::Stored { start: None, .. } = event {
                 server.set_current(Some(0));
             }
@@ -151,7 +151,7 @@ fn replay(messages: &[Recorded], px4: Node) -> (Vec<String>, Vec<String>) {
             if let MavMessage::MISSION_ACK(m) = &entry.message
                 && m.target_system == SECOND.system
             {
-                // Its side was not recorded; PX4's answer shows when it asked.
+                // The messages of that station were not recorded; PX4's answer shows when it sent one.
                 server.handle_message(entry.at, SECOND, &count_for(px4));
                 drain(&mut ours, &mut server);
             }
@@ -173,14 +173,14 @@ fn count_for(px4: Node) -> MavMessage {
     })
 }
 
-/// Adds what the vehicle answers, unless it only repeats a request by its clock.
+/// Adds the vehicle's answer, unless it is only a request repeated by the clock.
 fn note(answers: &mut Vec<String>, message: &MavMessage) {
     let line = match message {
         MavMessage::MISSION_REQUEST(_)
         | MavMessage::MISSION_REQUEST_INT(_)
         | MavMessage::MISSION_COUNT(_)
         | MavMessage::MISSION_ACK(_) => format!("{message:?}"),
-        // Its own progress marks the current item; yaw takes a trip through radians.
+        // The current item depends on each vehicle's own progress; yaw is converted to radians and back.
         MavMessage::MISSION_ITEM_INT(m) => {
             let mut item = m.clone();
             item.current = 0;

@@ -68,7 +68,7 @@ fn a_command_for_somebody_else_is_not_answered() {
             .count();
         assert_eq!(acks, usize::from(answered), "{system}/{component}");
     }
-    // Its own reflected command would be its own source: ignored.
+    // Its own command, reflected, would come from its own ids: ignored.
     let mark = flight.received.len();
     flight.vehicle.handle_message(Node::new(1, 1), &ask(1, 1));
     flight.run(0.05);

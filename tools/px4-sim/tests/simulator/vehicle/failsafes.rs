@@ -1,4 +1,4 @@
-//! What the vehicle does when what it is steered by falls silent.
+//! What the vehicle does when its steering input stops.
 
 use crate::vehicle::support::*;
 use mavlink::dialects::development as mav;
@@ -142,7 +142,7 @@ fn a_lost_ground_station_is_a_return_only_where_it_is_set() {
     assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
     flight.run(5.0);
     assert_eq!(flight.vehicle.truth().mode, Mode::Rtl);
-    // It comes back, and nothing resumes by itself.
+    // The input returns, and nothing resumes by itself.
     flight.heartbeats = true;
     flight.run(3.0);
     assert!(flight.has_text("GCS connection regained"));
@@ -186,7 +186,7 @@ fn a_flight_termination_is_final_and_its_repetition_is_rejected() {
     let beat = flight.heartbeat();
     assert_eq!(beat.system_status, MavState::MAV_STATE_FLIGHT_TERMINATION);
     assert_eq!(beat.custom_mode, Mode::Termination.custom_mode());
-    // No mode, and no failsafe, leads out of it, on the ground and disarmed neither.
+    // No mode and no failsafe ends it, not even on the ground and disarmed.
     assert_eq!(flight.set_mode(Mode::Loiter), Some(1));
     assert_eq!(flight.set_mode(Mode::Land), Some(1));
     flight.heartbeats = false;

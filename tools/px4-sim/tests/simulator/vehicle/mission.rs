@@ -45,7 +45,7 @@ fn a_square_is_flown_and_landed() {
         assert!(flight.has_text(text), "{text}: {:?}", flight.texts());
     }
     let off = deviation(&flight.track, &CORNERS);
-    // A corner is cut inside the acceptance radius of 10 m, and no farther.
+    // A corner is cut within the acceptance radius of 10 m, and no further.
     assert!(off > 0.5 && off < 10.0, "{off}");
     let end = flight.vehicle.truth();
     assert!(end.position.horizontal() < 1.0, "{:?}", end.position);

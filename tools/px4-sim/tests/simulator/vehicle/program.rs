@@ -1,4 +1,4 @@
-//! The simulator as a task and as a program: real UDP, a peer that comes late, a clean stop.
+//! The simulator as a task and as a program: real UDP, a peer that starts late, a clean stop.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::UdpSocket;
@@ -20,7 +20,7 @@ fn socket() -> UdpSocket {
     socket
 }
 
-/// Reads until a heartbeat comes; its bytes.
+/// Reads until a heartbeat arrives; returns its bytes.
 fn heartbeat_of(socket: &UdpSocket) -> Option<Vec<u8>> {
     let end = Instant::now() + Duration::from_secs(10);
     let mut buffer = [0; 512];
@@ -145,7 +145,7 @@ fn the_program_signs_survives_a_late_peer_and_stops_on_a_signal() {
     let key_file = directory.join("uav.key");
     std::fs::write(&key_file, format!("{}\n", "0a".repeat(32))).unwrap();
     std::fs::set_permissions(&key_file, std::fs::Permissions::from_mode(0o600)).unwrap();
-    // Nobody listens yet: the first packets come back as errors.
+    // Nobody listens yet: the first packets are returned as errors.
     let port = socket().local_addr().unwrap();
     let mut program = Command::new(env!("CARGO_BIN_EXE_px4-sim"))
         .args([

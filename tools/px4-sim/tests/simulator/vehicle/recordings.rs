@@ -1,6 +1,6 @@
-//! The requests of recorded sessions with a real PX4 v1.18 to the simulated one, at their recorded times or, where the
-//! ground station answered the vehicle, when the simulated one asks: what it answers is what was answered.
-//! Differences that are left are named here, with why.
+//! Sends the requests of recorded sessions with a real PX4 v1.18 to the simulated one, at their recorded times or,
+//! where the ground station reacted to the vehicle, in reaction to the simulated one; the answers have to be the
+//! recorded ones. Remaining differences are named here, with the reason.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -14,21 +14,22 @@ fn recording(names: &[&str]) -> Vec<Datagram> {
     names.iter().flat_map(|name| captures::read(name)).collect()
 }
 
-/// What matters of an answer; times and free-running values do not.
+/// The parts of an answer that have to be equal; times and free-running values do not.
 #[derive(Debug, Default, PartialEq)]
 struct Answers {
     commands: Vec<(u16, u8)>,
     missions: Vec<(u8, u8)>,
     parameter_errors: Vec<(String, u8)>,
-    /// MISSION_REQUEST and MISSION_REQUEST_INT in order, repeats left out.
+    /// MISSION_REQUEST and MISSION_REQUEST_INT in order, repetitions left out.
     requests: Vec<(u32, u16)>,
-    /// MISSION_ITEM_REACHED in order, repeats left out.
+    /// MISSION_ITEM_REACHED in order, repetitions left out.
     reached: Vec<u16>,
     texts: BTreeSet<String>,
     modes: BTreeSet<u32>,
-    /// What lasts, in order, repeats left out: custom_mode, whether it flies on wings, whether it is on the ground.
+    /// Lasting states in order, repetitions left out: custom_mode, whether it flies on wings, whether it is on the
+    /// ground.
     course: [Vec<u32>; 3],
-    /// How often the vehicle has sent what a ground station reacts to.
+    /// How often the vehicle has sent each message to which a ground station reacts.
     cues: BTreeMap<Cue, u32>,
     /// The latest of these.
     last: Option<Cue>,
@@ -64,7 +65,7 @@ impl Answers {
         }
         match (view.header().message_id, view.message()) {
             (46, _) if self.reached.last() != Some(&about) => self.reached.push(about),
-            // The real one's gimbal manager commands itself.
+            // The real vehicle's gimbal manager commands itself.
             (77, _) if about == 211 => {}
             (77, _) => self.commands.push((about, payload(2))),
             (47, _) => self.missions.push((payload(2), payload(3))),
@@ -83,15 +84,16 @@ impl Answers {
             }
             (_, Ok(MavMessage::HEARTBEAT(h))) => {
                 self.modes.insert(h.custom_mode);
-                self.comes_to(0, h.custom_mode);
+                self.enters(0, h.custom_mode);
             }
             (_, Ok(MavMessage::EXTENDED_SYS_STATE(state))) => {
-                // What passes is sent once a second at most, and by chance: hovers and wings, ground and air.
+                // A transient state is sent once a second at most, and so by chance: only hover and wings, ground and
+                // air are compared.
                 if let vtol @ (3 | 4) = state.vtol_state as u32 {
-                    self.comes_to(1, vtol);
+                    self.enters(1, vtol);
                 }
                 if let landed @ (1 | 2) = state.landed_state as u32 {
-                    self.comes_to(2, landed);
+                    self.enters(2, landed);
                 }
             }
             _ => {}
@@ -100,13 +102,14 @@ impl Answers {
 }
 
 impl Answers {
-    fn comes_to(&mut self, which: usize, state: u32) {
+    fn enters(&mut self, which: usize, state: u32) {
         if self.course[which].last() != Some(&state) {
             self.course[which].push(state);
         }
     }
 
-    /// How far it has come: what the other vehicle has to come to before the ground station's next request.
+    /// How many of each event there were: the other vehicle has to have as many before the ground station's next
+    /// request.
     fn events(&self) -> [usize; 7] {
         let [modes, wings, landed] = [0, 1, 2].map(|which: usize| self.course[which].len());
         let (commands, missions) = (self.commands.len(), self.missions.len());
@@ -122,7 +125,7 @@ impl Answers {
     }
 }
 
-/// What was answered, and what the simulated vehicle answers.
+/// The recorded answers, and those of the simulated vehicle.
 fn replay(names: &[&str], config: Config, booted_s: f64) -> (Answers, Answers) {
     let (mut real, mut ours) = (Answers::default(), Answers::default());
     let datagrams = recording(names);
@@ -151,8 +154,8 @@ fn replay(names: &[&str], config: Config, booted_s: f64) -> (Answers, Answers) {
     (real, ours)
 }
 
-/// The same, where the ground station reacted to the vehicle: what followed a message of the vehicle at once follows
-/// the same message of ours, and everything after it keeps its distance.
+/// The same, where the ground station reacted to the vehicle: a request at once behind a message of the vehicle is
+/// sent behind the same message of the simulated one, and everything after it keeps its distance in time.
 fn replay_reacting(name: &str, config: Config) -> (Answers, Answers) {
     let (mut real, mut ours) = (Answers::default(), Answers::default());
     let datagrams = recording(&[name]);
@@ -202,8 +205,8 @@ fn replay_reacting(name: &str, config: Config) -> (Answers, Answers) {
     (real, ours)
 }
 
-/// The same of a flight that is flown at other speeds: whatever the real one came to (a mode, wings, the ground, an item), the
-/// simulated one comes to before the next request, which keeps its distance from that.
+/// The same for a flight at another speed: what the real vehicle reached (a mode, wings, the ground, an item) before
+/// a request, the simulated one has to reach before it too, and the request keeps its distance in time from that.
 fn replay_in_step(name: &str, config: Config) -> (Answers, Answers) {
     let (mut real, mut ours) = (Answers::default(), Answers::default());
     let datagrams = recording(&[name]);
@@ -257,7 +260,7 @@ fn replay_in_step(name: &str, config: Config) -> (Answers, Answers) {
     (real, ours)
 }
 
-/// Standing where PX4's built-in simulation stands, at altitude 0.
+/// At the place of PX4's built-in simulation, at altitude 0.
 fn winged(airframe: Airframe) -> Config {
     Config {
         airframe,
@@ -270,19 +273,21 @@ fn winged(airframe: Airframe) -> Config {
     }
 }
 
-/// Compares what is the same on every flight of one kind.
+/// Compares what is equal on every flight of one kind.
 fn compare_flights(name: &str, config: Config, overtaken: &[u16]) {
     let (mut real, mut ours) = replay_in_step(name, config);
     assert_eq!(ours.commands, real.commands);
     assert_eq!(ours.missions, real.missions);
     assert_eq!(ours.requests, real.requests);
-    // A waypoint whose speed command is done at once is overtaken by it in the real one's report.
+    // Where a waypoint's speed command is done at once, the real vehicle reports that instead of the waypoint.
     ours.reached
         .retain(|seq| real.reached.contains(seq) || !overtaken.contains(seq));
     assert_eq!(ours.reached, real.reached);
     assert_eq!(ours.course, real.course);
-    // Its log file and its sensors are the real one's own; ours had no ground station before the recording. Of the missions
-    // that it cannot fly the real one sent no text in these runs, in others it did. Ours does not say how high it holds after a
+    // The log file and the sensors are the real vehicle's own, and the simulated one had no ground station before the
+    // recording. For missions that it cannot fly the real one sent no text in these runs, but did in others. The
+    // simulated one does not report how high it holds after a go-around, nor that a wing below its route climbs
+    // first.
     // go-around, nor that a wing below its route climbs before it flies on.
     let own = |t: &String| {
         let begins = [
@@ -312,7 +317,7 @@ fn the_flight_of_a_vtol_is_answered_alike() {
 }
 
 const STEP: Duration = Duration::from_millis(4);
-/// A request that follows a message of the vehicle within this time reacts to it.
+/// A request within this time after a message of the vehicle is a reaction to it.
 const AT_ONCE: Duration = Duration::from_millis(20);
 
 #[test]
@@ -343,15 +348,15 @@ fn a_flight_is_answered_alike() {
     assert_eq!(ours.missions, real.missions);
     assert_eq!(ours.parameter_errors, real.parameter_errors);
     assert_eq!(ours.requests, real.requests);
-    // Ours had no ground station before the recording; the real one reports its log file,
-    // and its home stands 1.4 m higher, which shows in the figures of a return.
+    // The simulated vehicle had no ground station before the recording. The real one reports its log file, and its
+    // home is 1.4 m higher, which shows in the figures of a return.
     let figures = |t: &String| {
         t.starts_with("GCS connection") || t.starts_with("[logger]") || t.starts_with("RTL: start")
     };
     real.texts.retain(|t| !figures(t));
     ours.texts.retain(|t| !figures(t));
     assert_eq!(ours.texts, real.texts);
-    // Heartbeats come once a second, and each run misses other modes of short duration.
+    // Heartbeats come once a second, so each run misses other short modes.
     let common = ours.modes.intersection(&real.modes).count();
     assert!(
         common + 1 >= real.modes.len() && common + 1 >= ours.modes.len(),
@@ -370,10 +375,10 @@ fn another_plan_in_flight_and_a_lost_ground_station_are_answered_alike() {
     assert_eq!(ours.missions, real.missions);
     assert_eq!(ours.parameter_errors, real.parameter_errors);
     assert_eq!(ours.requests, real.requests);
-    // Whether the last climb ends before the next command depends on the height that it begins at.
+    // Whether the last climb ends before the next command depends on the altitude at which it begins.
     assert!(ours.reached.len() >= 2, "{:?}", ours.reached);
     assert!(real.reached.starts_with(&ours.reached), "{ours:?} {real:?}");
-    // Figures of a return differ with home's height, and the log file is the real one's own.
+    // The figures of a return differ with home's altitude, and the log file is the real vehicle's own.
     let figures = |t: &String| {
         t.starts_with("[logger]") || t.starts_with("RTL: start") || t.starts_with("Climb")
     };

@@ -1,4 +1,4 @@
-//! Units, signs and frames of what is reported, against what is really so.
+//! Units, signs and frames of the reports, compared with the true state.
 
 use crate::vehicle::support::*;
 use mavlink::dialects::development::{MavLandedState, MavMessage};

@@ -1,4 +1,4 @@
-//! What another plan does to a vehicle that is flying one.
+//! What a new plan does to a vehicle that flies another one.
 
 use crate::vehicle::support::*;
 use mavlink::dialects::development as mav;

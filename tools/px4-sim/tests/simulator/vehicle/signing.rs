@@ -1,5 +1,5 @@
-//! Signing as the real one does it: stamps that are no clock, the lift, silent drops, replays after a
-//! restart, and SETUP_SIGNING with all its holes.
+//! Signing as the real PX4 does it: stamps that are not a clock, how a verified packet raises them, silent drops,
+//! replays after a restart, and SETUP_SIGNING with all its pitfalls.
 
 use std::time::Duration;
 
@@ -118,7 +118,7 @@ fn its_stamps_count_packets_until_a_verified_packet_lifts_them() {
     assert_eq!(stamps(&first), counted);
     assert_eq!(bench.autopilot.signing_clock(0), Some(first.len() as u64));
 
-    // An unsigned heartbeat counts as one, but lifts nothing; a signed one does.
+    // An unsigned heartbeat counts as a heartbeat, but raises no stamp; a signed one does.
     bench.send(&frame(&heartbeat(), 245, None));
     assert_eq!(bench.autopilot.signing_clock(0), Some(first.len() as u64));
     bench.send(&frame(&heartbeat(), 245, Some((&key(), 0, NOW))));
@@ -191,7 +191,7 @@ fn a_new_stream_may_be_a_minute_old_and_any_stamp_ahead() {
     );
     bench.send(&frame(&ask(), 11, Some((&key(), 0, clock - 6_200_000))));
     assert_eq!(bench.autopilot.counters(0).dropped_old_stream, 1);
-    // Ten minutes ahead is taken, and shuts out honest new streams.
+    // A stamp ten minutes ahead is accepted, and keeps out new streams with the right time.
     bench.send(&frame(&ask(), 12, Some((&key(), 0, clock + 60_000_000))));
     assert_eq!(verified(&bench), 2);
     bench.send(&frame(&ask(), 13, Some((&key(), 0, clock))));
@@ -234,7 +234,7 @@ fn the_first_key_is_accepted_from_anybody_and_later_ones_only_signed() {
     let mut bench = Bench::new(Signing::off());
     bench.run(6.0);
     assert!(!bench.autopilot.is_signing());
-    // Another system and component are addressed: that is not looked at.
+    // Addressed to another system and component, which PX4 does not check.
     bench.send(&frame(&setup(KEY, NOW), 245, None));
     let frames = bench.run(0.3);
     assert!(!frames.is_empty());
@@ -268,7 +268,7 @@ fn the_first_key_is_accepted_from_anybody_and_later_ones_only_signed() {
             .iter()
             .all(|f| verify(&second, &FrameView::parse(f).unwrap()).is_ok())
     );
-    // Streams are kept over the change of keys.
+    // Streams are kept when the key changes.
     bench.send(&frame(&ask(), 245, Some((&second, 0, NOW + 1_000_000))));
     assert_eq!(bench.autopilot.counters(0).dropped_old_stamp, 1);
 
@@ -284,7 +284,7 @@ fn the_first_key_is_accepted_from_anybody_and_later_ones_only_signed() {
             .iter()
             .all(|f| !FrameView::parse(f).unwrap().is_signed())
     );
-    // A zero key with a stamp is a key.
+    // A zero key with a stamp counts as a key.
     bench.send(&frame(&setup([0; 32], 5), 245, None));
     bench.run(0.1);
     assert!(bench.autopilot.is_signing());

@@ -11,7 +11,7 @@ const LEGS: [[(f64, f64); 4]; 2] = [
     [(120.0, 100.0), (120.0, 160.0), (60.0, 150.0), (60.0, 210.0)],
 ];
 
-/// Flies the course with this acceptance radius; the largest deviation, or where it was last seen.
+/// Flies the course with this acceptance radius; returns the largest deviation, or where the vehicle was last.
 fn fly(radius: f32, speed: f32, seed: u64) -> Result<f64, Truth> {
     let mut flight = Flight::boot(Config {
         seed,
@@ -75,7 +75,7 @@ fn one_metre_is_missed_now_and_then_for_good() {
         "a vehicle that never misses hides the danger"
     );
     assert!(lost.len() < 12);
-    // Gone along the line, or stuck beside it; in mission mode, with nothing reported.
+    // Flown away along the line, or stuck beside it; in mission mode, with nothing reported.
     for truth in lost {
         assert!(
             truth.armed && truth.mode == Mode::Mission && truth.mission_seq < 26,

@@ -46,14 +46,14 @@ impl Flight {
         self.vehicle.truth().time.as_secs_f64()
     }
 
-    /// Lets seconds pass.
+    /// Lets this many seconds pass.
     pub(crate) fn run(&mut self, seconds: f64) {
         for _ in 0..(seconds * 250.0).round() as u64 {
             self.tick();
         }
     }
 
-    /// Lets time pass until it is so; gives up after `limit` seconds.
+    /// Lets time pass until `so` is true; returns false after `limit` seconds.
     pub(crate) fn until(&mut self, limit: f64, so: impl Fn(&Truth) -> bool) -> bool {
         for _ in 0..(limit * 250.0) as u64 {
             if so(&self.vehicle.truth()) {
@@ -94,7 +94,7 @@ impl Flight {
         self.drain();
     }
 
-    /// Sends a COMMAND_LONG and gives the result of its COMMAND_ACK, if one comes within a second.
+    /// Sends a COMMAND_LONG and returns the result of its COMMAND_ACK, if one arrives within a second.
     pub(crate) fn command(&mut self, id: u16, params: &[f32]) -> Option<u32> {
         let mark = self.received.len();
         let raw = self.raw.len();
@@ -128,7 +128,7 @@ impl Flight {
         self.command(400, &[1.0])
     }
 
-    /// Uploads a plan by the protocol; gives MISSION_ACK.type.
+    /// Uploads a plan by the protocol; returns MISSION_ACK.type.
     pub(crate) fn upload(&mut self, items: &[Item]) -> Option<u32> {
         self.upload_kind(items, mav::MavMissionType::MAV_MISSION_TYPE_MISSION)
     }
@@ -161,7 +161,7 @@ impl Flight {
         None
     }
 
-    /// The texts since `mark`, tabulators and chunks joined.
+    /// The texts since `mark`, without tabs, chunks joined.
     pub(crate) fn texts(&self) -> Vec<String> {
         let mut out: Vec<String> = Vec::new();
         for (_, message) in &self.received {
@@ -185,7 +185,7 @@ impl Flight {
         self.texts().iter().any(|t| t.contains(text))
     }
 
-    /// The last message that `pick` takes.
+    /// The last message for which `pick` returns something.
     pub(crate) fn last<T>(&self, pick: impl Fn(&MavMessage) -> Option<T>) -> Option<T> {
         self.received.iter().rev().find_map(|(_, m)| pick(m))
     }

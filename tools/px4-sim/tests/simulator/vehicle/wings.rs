@@ -1,5 +1,5 @@
-//! What PX4 v1.18 does on wings beside flying: landings required and checked, the course mode, the figure eight, go-around,
-//! and a VTOL's transitions and quad-chute.
+//! What PX4 v1.18 does on wings besides flying: required landings and their checks, the course mode, the figure
+//! eight, go-around, and a VTOL's transitions and quad-chute.
 
 use crate::vehicle::support::*;
 use mavlink::dialects::development::{MavMessage, MissionState};
@@ -71,7 +71,7 @@ fn a_mission_of_wings_is_flown_only_with_a_landing_that_passes() {
     ] {
         let mut flight = winged(Airframe::Plane);
         let plan: Vec<Item> = route.iter().copied().chain(landing).collect();
-        // Acknowledged all the same.
+        // It is acknowledged, although it cannot be flown.
         assert_eq!(flight.upload(&plan), Some(0));
         assert!(!flyable(&mut flight), "{text}");
         assert!(flight.has_text(text), "{text}");
@@ -113,7 +113,7 @@ fn it_lands_by_its_pattern_and_goes_around_once() {
 fn the_course_mode_keeps_course_altitude_and_speed() {
     let mut flight = winged(Airframe::Plane);
     takes_off(&mut flight);
-    // Not before the mode.
+    // Denied before the mode is entered.
     assert_eq!(flight.command(43_002, &[0.0, 90.0]), Some(2));
     assert_eq!(flight.set_mode(Mode::Course), Some(0));
     assert_eq!(flight.command(43_002, &[1.0, 90.0]), Some(2), "a heading");
@@ -167,7 +167,7 @@ fn vtol_in_the_air() -> Flight {
     flight
 }
 
-/// Degrees of a place north and east of home.
+/// Latitude and longitude in degrees of a place north and east of home.
 fn place(north: f64, east: f64) -> (f32, f32) {
     let at = px4_sim::LocalFrame::new(Config::default().home).to_global(Ned::new(north, east, 0.0));
     (at.latitude_deg as f32, at.longitude_deg as f32)
