@@ -1,7 +1,8 @@
 //! Levels of interoperability (LOI) and flight modes by number and name, as people read them.
 //!
-//! On the wire levels are bits ([`LoiBitmap`]); a status, a log or a command line shows `2, 4, 5 (monitor, control,
-//! launch)`. A mode is a number, and its name in the tables is sometimes a sentence: an alert shows `12 (loiter)`.
+//! On the wire levels are bits ([`LoiBitmap`]); a status, a log or a command line shows
+//! `2, 4, 5 (monitor, control, launch)`. A mode is a number, and its name in the tables is sometimes a sentence: an alert
+//! shows `12 (loiter)`.
 
 use super::{FlightPathControlMode, LoiBitmap};
 

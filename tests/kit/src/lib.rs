@@ -70,8 +70,8 @@ pub fn workspace() -> &'static Path {
         .expect("tests/kit lies two folders below")
 }
 
-/// Every `nth` of cases that can be enumerated; all of them with `VSM_ALL_CASES` set (`cargo xtask test
-/// --all-cases`).
+/// Every `nth` of cases that can be enumerated; all of them with `VSM_ALL_CASES` set
+/// (`cargo xtask test --all-cases`).
 #[must_use]
 pub fn every(nth: usize) -> usize {
     let all = std::env::var_os("VSM_ALL_CASES").is_some();

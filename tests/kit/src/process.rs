@@ -15,8 +15,8 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// A program of the workspace, beside the folder of the test executables.
 ///
-/// Cargo does not build the programs of other packages for a test: build them first (`cargo build --workspace
-/// --bins`).
+/// Cargo does not build the programs of other packages for a test: build them first
+/// (`cargo build --workspace --bins`).
 pub fn program(name: &str) -> PathBuf {
     let test = std::env::current_exe().expect("the path of the test executable");
     let path = test

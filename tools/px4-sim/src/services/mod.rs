@@ -1,6 +1,9 @@
 //! PX4's side of the MAVLink services: what v1.18 answers on the wire, each a state machine without socket or clock.
+//!
 //! The ground station's ends are in `mavlink_link::service`; the tests run both ends against each other over a bad
 //! network.
+//!
+//! - [`mission_rules`]: which items PX4 accepts, and which parameters of a command it uses;
 //! - [`mission`]: stores missions, fences and rally points, and sends them back;
 //! - `events`: EVENT beside the texts, and what each means;
 //! - `metadata`: what its events and parameters mean, among its files;
