@@ -213,4 +213,5 @@ const MAX_SHRINK: f64 = 1e6;
 const SHRINK_STEPS: u32 = 24;
 /// Number and size of the steps by which the tolerance grows for the minimum chord: a thousandfold in all.
 const MIN_CHORD_STEPS: u32 = 200;
+/// Each step of the tolerance, as a factor.
 const MIN_CHORD_STEP: f64 = 1.035;

@@ -126,4 +126,5 @@ const OUTWARD: f64 = 0.97;
 const STRAIGHT: f64 = 0.1;
 /// Relative width that ends a search.
 const NARROW: f64 = 2e-3;
+/// Steps after which a search ends with the best chord so far.
 const MAX_STEPS: u32 = 40;

@@ -12,7 +12,9 @@ pub const FLATTENING: f64 = 1.0 / 298.257_223_563;
 /// Smallest radius of curvature anywhere on the ellipsoid (north-south at the equator), m.
 pub const SMALLEST_RADIUS_M: f64 = SEMI_MAJOR_M * (1.0 - FLATTENING) * (1.0 - FLATTENING);
 
+/// Polar radius, m.
 const SEMI_MINOR_M: f64 = SEMI_MAJOR_M * (1.0 - FLATTENING);
+/// First and second eccentricity, squared.
 const E2: f64 = FLATTENING * (2.0 - FLATTENING);
 const EP2: f64 = E2 / (1.0 - E2);
 

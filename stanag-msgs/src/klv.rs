@@ -27,8 +27,11 @@ pub const VERSION: u8 = 8;
 /// Bytes of the longest text of an item.
 pub const MAX_TEXT: usize = 127;
 
+/// Item 1: the checksum.
 const CHECKSUM: u8 = 1;
+/// Item 2: the time.
 const TIME_STAMP: u8 = 2;
+/// Item 65: the version.
 const LS_VERSION: u8 = 65;
 
 /// The layout of a number.

@@ -245,14 +245,19 @@ fn udp(packet: &[u8]) -> Option<(SocketAddr, SocketAddr, &[u8])> {
 const MAX_BLOCK: u32 = 1 << 20;
 /// Block types of the specification are small numbers, except that of the section header.
 const MAX_KIND: u32 = 0xffff;
+/// Block types of the pcapng specification.
 const SECTION_HEADER: u32 = 0x0a0d_0d0a;
 const INTERFACE_DESCRIPTION: u32 = 1;
 const ENHANCED_PACKET: u32 = 6;
+/// Written in the file's own byte order, by which a reader recognises that order.
 const BYTE_ORDER_MAGIC: u32 = 0x1a2b_3c4d;
 /// IP packets without a link layer.
 const LINKTYPE_RAW: u16 = 101;
+/// Bytes of a UDP header.
 const UDP_HEADER: usize = 8;
+/// The protocol number of UDP.
 const UDP: u8 = 17;
+/// TTL or hop limit of the made-up IP header.
 const HOPS: u8 = 64;
 
 #[cfg(test)]

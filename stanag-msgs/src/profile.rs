@@ -351,6 +351,7 @@ struct ValueMap {
 }
 
 impl ValueMap {
+    /// Three values of either side, each with its partner.
     const MAX_PAIRS: usize = 6;
     /// Every value is itself.
     const SAME: Self = Self {

@@ -181,6 +181,7 @@ fn look_at_vehicles(survey: &mut Survey, bench: &Arc<Bench>) -> Judged {
 /// The share, 0 to 1, of 50 round trips without an answer. The subject answers the others, so what is missing is the
 /// network's loss.
 fn round_trip_loss(station: &Station) -> Judged<f64> {
+    // One lost trip is 2 % of them.
     const TRIPS: usize = 50;
     let bench = station.bench().clone();
     let mark = bench.net.mark();

@@ -24,8 +24,11 @@ use tokio::sync::Semaphore;
 use super::board::{Board, Reply};
 
 const PAGE: &str = include_str!("page.html");
+/// Longest body of a reply, bytes.
 const MAX_REPLY_BYTES: usize = 4_096;
+/// Connections served at once.
 const MAX_CONNECTIONS: usize = 32;
+/// How long a client may take for its request: an idle one would hold its place otherwise.
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 
 /// Serves the board on its own thread until the program ends; returns the address.

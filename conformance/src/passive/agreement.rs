@@ -162,9 +162,11 @@ fn motion_is_reported_alike(view: &View<'_>, found: &mut Found) {
 /// A field of 4000 that is present in one message, absent in the next, and so on, is left out because of its value
 /// (0, say). While the position is known, the other fields of the motion are known too.
 fn fields_do_not_come_and_go(view: &View<'_>, found: &mut Found) {
+    // Changes of a field that are no fault yet.
     const MAX_CHANGES: usize = 3;
     // After a gap in the vehicle's data its fields return one after the other.
     const GAP: Duration = Duration::from_millis(1_500);
+    // How long after a gap changes are not counted.
     const SETTLED: Duration = Duration::from_secs(5);
     let mut last: BTreeMap<u32, (u64, Duration)> = BTreeMap::new();
     let mut settled: BTreeMap<u32, Duration> = BTreeMap::new();

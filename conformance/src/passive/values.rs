@@ -367,6 +367,7 @@ fn bits_beyond_the_fields(view: &View<'_>, found: &mut Found) {
 }
 
 fn milliseconds_since_2000(view: &View<'_>, found: &mut Found) {
+    // The difference of the epochs 1970 and 2000, by which a wrong epoch is recognised.
     const YEARS_30_S: f64 = 946_684_800.0;
     for seen in view.messages().filter(|seen| seen.kind() < 50_000) {
         let Some(stamp) = seen.stamp() else { continue };

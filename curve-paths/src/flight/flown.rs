@@ -135,4 +135,5 @@ impl Flat {
 
 /// A track that is never within this distance of an end of the route has not flown it, m.
 const NEAR_M: f64 = 12.0;
+/// Samples for each chord of a curved leg.
 const SAMPLES: u32 = 16;

@@ -299,6 +299,7 @@ fn energy(subject: &Subject<'_>) -> Bounds {
 const LOWEST_M: f64 = 0.04;
 /// One step of the field.
 const SMALLEST_CIRCLE_M: f64 = 1.5;
+/// The highest waypoint number: 65535 means "no waypoint" in 4001.
 const LAST_WAYPOINT: f64 = 65_534.0;
 /// Mean radius: for limits, not for geometry.
 const EARTH_RADIUS_M: f64 = 6_371_008.8;

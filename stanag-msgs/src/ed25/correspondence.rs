@@ -143,4 +143,5 @@ pub fn plan_record(part: &Message) -> Result<Option<Record>, String> {
     Ok(record)
 }
 
+/// Route Type of #801: a flight route.
 const FLIGHT: u32 = 2;

@@ -28,7 +28,9 @@ pub const TRAILER_BYTES: usize = 4;
 /// The maximum bytes of message data.
 pub const MAX_DATA: usize = MAX_DATAGRAM - HEADER_BYTES - TRAILER_BYTES;
 
+/// Bytes of the IDD version, its NUL included.
 const VERSION_BYTES: usize = 10;
+/// What a sender writes as Packet Sequence Number, which is not used.
 const NO_SEQUENCE: u32 = 0xFFFF_FFFF;
 
 /// Whether a datagram is of Edition 2.x: later editions begin with two bytes of zeros or ones.

@@ -199,6 +199,7 @@ fn head_of(step: ClockStep, trailer: &Trailer) -> [u8; HEAD_BYTES] {
 
 /// The length of each of them.
 pub const CLOCK_BYTES: usize = TRAILER_BYTES;
+/// The version of these datagrams.
 const VERSION: u8 = 1;
 const CONTEXT: &[u8] = b"vsm-guard-clock-1";
 

@@ -155,5 +155,6 @@ fn digit(character: u8) -> Option<u8> {
     }
 }
 
+/// Digits of the HMAC in front of a frame's text.
 const HEX_DIGITS: usize = 2 * MAC_BYTES;
 const CONTEXT: &[u8] = b"vsm-web-1";

@@ -75,6 +75,7 @@ impl<'a> ExchangeDatagram<'a> {
     }
 }
 
+/// The version of these datagrams.
 const VERSION: u8 = 1;
 /// The longest payload of KEY_EXCHANGE.
 const MAX_STEP: usize = 203;

@@ -103,9 +103,13 @@ fn nonce(stamp_us: u64) -> Nonce<aes_gcm::aead::consts::U12> {
 
 /// The length of an offer, bytes.
 pub const OFFER_BYTES: usize = HEAD + KEY + TAG;
+/// Bytes in front of the encrypted key; they are authenticated with it.
 const HEAD: usize = 20;
+/// Bytes of a group key.
 const KEY: usize = 32;
+/// Bytes of an AES-GCM tag.
 const TAG: usize = 16;
+/// The version of an offer.
 const VERSION: u8 = 1;
 
 #[cfg(test)]

@@ -307,9 +307,12 @@ fn expanded(key: &[u8; 32], info: &[u8]) -> Zeroizing<[u8; 32]> {
 #[error("a datagram of {0} bytes, expected 0 to 548, and room for 52 more")]
 pub struct TooLong(usize);
 
+/// Bytes of a trailer in front of its MAC; the MAC covers them.
 const HEAD_BYTES: usize = 20;
+/// Bytes of HMAC-SHA256.
 const MAC_BYTES: usize = 32;
 const MAGIC: &[u8; 2] = b"GD";
+/// The version of the trailer.
 const VERSION: u8 = 1;
 const CONTEXT: &[u8] = b"vsm-guard-1";
 const KEY_ID: &[u8] = b"vsm/1 key id";

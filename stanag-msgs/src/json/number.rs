@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+// The NaN that is written as "NaN"; any other one is written with its bits, so that no bit is lost.
 const QUIET_32: u32 = 0x7FC0_0000;
 const QUIET_64: u64 = 0x7FF8_0000_0000_0000;
 

@@ -11,6 +11,7 @@ pub const HEADER_BYTES: usize = 16;
 /// The maximum bytes of message data: a datagram less header and longest checksum.
 pub const MAX_DATA: usize = 528;
 
+/// Bit 15 of the Message Properties.
 pub(super) const ACK_REQUESTED: u16 = 0x8000;
 
 /// The header, without length and reserved parts.

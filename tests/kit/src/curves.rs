@@ -186,6 +186,7 @@ pub fn two_sided_deviation_m(leg: &BezierLeg, vertices: &[Vertex], samples: usiz
     worst
 }
 
+/// Mean radius of the earth, m.
 const SPHERE_M: f64 = 6_371_000.0;
 
 /// A position as MISSION_ITEM_INT carries it.

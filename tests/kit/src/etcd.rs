@@ -147,4 +147,5 @@ fn base64(bytes: &[u8]) -> String {
     text
 }
 
+/// How long a cluster may take to start.
 const START: Duration = Duration::from_secs(30);

@@ -273,6 +273,7 @@ pub fn free_tcp_port() -> u16 {
 fn free_port(is_free: impl Fn(u16) -> bool) -> u16 {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     static BEGIN: OnceLock<u32> = OnceLock::new();
+    // 12,000 to 31,999.
     const FIRST: u32 = 12_000;
     const PORTS: u32 = 20_000;
     // Tests are processes of their own, so each starts at another number, and returns no port twice.

@@ -244,6 +244,7 @@ fn report_wait(what: &str, left: Duration) {
     ));
 }
 
+/// How long the shell serves the station between two looks at its input.
 const SERVE_SPAN: Duration = Duration::from_millis(50);
 
 #[cfg(test)]

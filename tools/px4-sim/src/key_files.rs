@@ -89,4 +89,5 @@ pub(crate) fn write_px4_key(path: &Path, signing: &Signing) -> io::Result<()> {
         .write_all(&bytes)
 }
 
+/// Bytes of PX4's key file: 32 of key, 8 of timestamp.
 const PX4_LEN: usize = 40;

@@ -380,10 +380,13 @@ async fn readable(sockets: &[UdpSocket]) -> usize {
     .await
 }
 
+/// How often real time is turned into simulated time.
 const BEAT: Duration = Duration::from_millis(4);
+/// Simulated time between two rounds of sending.
 const PIECE: Duration = Duration::from_millis(20);
 /// After a pause of the whole machine longer than this, the lost time is skipped.
 const CATCH_UP: Duration = Duration::from_millis(250);
+/// Simulated time between two samples of the track.
 const SAMPLE: Duration = Duration::from_millis(100);
 /// Datagrams read at once.
 const BATCH: usize = 64;

@@ -68,6 +68,7 @@ pub(super) const SCENES: &[Scene] = &[
     },
 ];
 
+/// MAV_CMD numbers; all but MISSION_START leave the vehicle where it is.
 const REQUEST_MESSAGE: u16 = 512;
 const SET_MESSAGE_INTERVAL: u16 = 511;
 const DO_SET_MODE: u16 = 176;

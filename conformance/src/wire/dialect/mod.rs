@@ -45,6 +45,7 @@ pub const ACKNOWLEDGE: u16 = 1401;
 pub const REQUEST: u16 = 1403;
 /// What a CUCS can display, on request.
 pub const RESOURCES: u16 = 1202;
+/// Vehicle Operating Mode Command: the mode.
 const MODE_COMMAND: u16 = 42;
 /// What is demanded: altitude, heading, speed, waypoint.
 pub const STEERING: u16 = 43;
@@ -56,6 +57,7 @@ pub const PREFERENCE_REPORT: u16 = 109;
 const LOITER: u16 = 2017;
 /// #201, which commands what a camera does.
 const PAYLOAD_COMMAND: u16 = 201;
+/// Message of Edition 4 for which [`PREFERENCE_REPORT`] stands in.
 const LOITER_REPORT: u16 = 3004;
 
 thread_local! {

@@ -358,6 +358,7 @@ fn wrap(draft: &Draft, number: u32, data: &[u8], instance: u32) -> Vec<u8> {
     out
 }
 
+/// Loiter Configuration of Edition 2.5.
 const LOITER_CONFIGURATION: u16 = 41;
 const WAYPOINT: &str = "Commanded Waypoint Number";
 const MODE: &str = "Select Flight Path Control Mode";

@@ -316,9 +316,11 @@ impl World for Processes {
 
 /// Time within which a bridge has to serve.
 const READY: Duration = Duration::from_secs(20);
+/// The default of [`Processes::longest`].
 const LONGEST: Duration = Duration::from_secs(280);
 /// How often the sockets are read.
 const PERIOD: Duration = Duration::from_millis(2);
 /// The step of the simulation.
 const STEP: Duration = Duration::from_millis(10);
+/// After a pause of the whole machine longer than this, the vehicle's lost time is skipped.
 const CATCH_UP: Duration = Duration::from_millis(500);

@@ -221,4 +221,5 @@ fn cucs_time(now: Now) -> cucs::Now {
 }
 
 const FITS: &str = "a message of a test fits a datagram";
+/// The default of [`Station::retry`].
 const RETRY: Duration = Duration::from_millis(500);

@@ -350,4 +350,5 @@ pub(super) fn seconds(value: f64) -> Result<Duration, OperatorError> {
 
 /// The number in 4001 for a place that is not a waypoint of a route, such as that of a loiter.
 const NO_NUMBER: u16 = 65_535;
+/// The shortest period of `watch`.
 const MIN_WATCH_PERIOD: Duration = Duration::from_millis(50);

@@ -116,6 +116,7 @@ pub(super) fn push_bounded<T>(queue: &mut VecDeque<T>, item: T, most: usize) {
     queue.push_back(item);
 }
 
+// Limits for what a vehicle may make this station keep: alerts, alerts with parts missing, stamps of duplicates.
 const MAX_ALERTS: usize = 512;
 const MAX_PARTIAL: usize = 32;
 const MAX_STAMPS: usize = 256;

@@ -449,6 +449,9 @@ fn stamp_of(frame: &Frame<'_>) -> Option<TimeStamp> {
     ))
 }
 
+/// Period of 16002.
 const HEARTBEAT: Duration = Duration::from_secs(1);
+/// Vehicles that are kept; further ones are ignored.
 const MAX_VEHICLES: usize = 256;
+/// Events that wait; beyond that the oldest are dropped.
 const MAX_EVENTS: usize = 4_096;

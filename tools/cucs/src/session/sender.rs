@@ -439,6 +439,7 @@ impl Sender {
 
 /// Messages without an answer at most: as many acknowledgements as fit a socket's buffer.
 const WINDOW: usize = 32;
+/// Sent messages whose stamp and state are kept.
 const MAX_REMEMBERED: usize = 4_096;
 /// Two retry intervals each: a minute by default, longer than a command may take.
 const MAX_OUTCOME_REQUESTS: u32 = 60;

@@ -333,4 +333,5 @@ fn is_late(before: Option<TimeStamp>, new: Option<TimeStamp>) -> bool {
     }
 }
 
+/// A message that is at most this much older than the latest counts as late, ms.
 const REORDERING_MS: u64 = 10_000;

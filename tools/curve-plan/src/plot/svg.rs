@@ -6,14 +6,18 @@ use cucs::formats::escaped;
 
 use super::scene::{Point, Scene};
 
+/// Width of the picture, in its own units.
 const WIDTH: f64 = 1000.0;
 const MAP_HEIGHTS: (f64, f64) = (300.0, 760.0);
+/// Height of one profile's frame.
 const PROFILE_HEIGHT: f64 = 130.0;
 /// Height of the map taken by its legend, scale and margins.
 const FURNITURE: f64 = 120.0;
 /// Height of the legend's band at the bottom of the map.
 const LEGEND: f64 = 52.0;
+/// Space to the left of map and profiles, for the numbers of the axes.
 const MARGIN: f64 = 56.0;
+/// Height of the title and the line below it.
 const TITLE: f64 = 52.0;
 
 /// The greatest radius of each class of curves, m; the first class is straight.

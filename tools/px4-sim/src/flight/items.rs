@@ -167,6 +167,7 @@ impl Area {
     }
 }
 
+// MAV_CMD numbers.
 pub(crate) const WAYPOINT: u16 = 16;
 pub(crate) const LOITER_UNLIM: u16 = 17;
 pub(crate) const LOITER_TIME: u16 = 19;

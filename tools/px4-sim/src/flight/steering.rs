@@ -186,4 +186,5 @@ fn dead(v: f64) -> f64 {
     }
 }
 
+/// The part of a stick's range around its centre that counts as centred.
 const DEADZONE: f64 = 0.1;

@@ -407,12 +407,15 @@ impl Camera {
 
 /// A sensor of 1/2.3 inch: at 5.54 mm it has a field of view of 60 degrees.
 const SENSOR_MM: f64 = 6.4;
+/// Shortest focal length, mm, and how many times it the longest is.
 const WIDE_MM: f64 = 5.543;
 const TIMES: f64 = 10.0;
+/// Pixels of the image.
 const COLUMNS: f64 = 1920.0;
 const ROWS: f64 = 1080.0;
 /// Change of zoom per second, on the scale of 0 to 100.
 const ZOOM_RATE: f64 = 25.0;
+/// Storage of a new card, and what a photograph and a second of video take.
 const CAPACITY_MIB: f64 = 30_000.0;
 const IMAGE_MIB: f64 = 8.0;
 const VIDEO_MIB_S: f64 = 4.0;

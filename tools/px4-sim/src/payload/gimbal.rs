@@ -442,6 +442,7 @@ pub(crate) const SET_ROI_NONE: u16 = 197;
 const REQUEST_MESSAGE: u16 = 512;
 /// Pitch -90 to 30 degrees, yaw 150 to either side.
 const LIMITS: [[f64; 2]; 2] = [[-FRAC_PI_2, FRAC_PI_6], [-5.0 * FRAC_PI_6, 5.0 * FRAC_PI_6]];
+/// Pitch of a retracted gimbal: the upper end of its travel.
 const RETRACTED_PITCH: f64 = FRAC_PI_6;
 /// 60 degrees a second.
 const MAX_RATE: f64 = FRAC_PI_3;

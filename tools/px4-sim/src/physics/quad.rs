@@ -342,4 +342,5 @@ const VELOCITY_GAIN_Z: f64 = 4.0;
 const TRIM_XY: f64 = 0.4;
 /// MPC_Z_VEL_I_ACC, 1/s2.
 const TRIM_Z: f64 = 2.0;
+/// Limit of the integrators, m/s2; PX4 limits the vertical one to standard gravity.
 const MAX_TRIM: f64 = 9.0;

@@ -1,9 +1,9 @@
 //! The events interface of PX4 v1.18: EVENT (410) beside each STATUSTEXT that ends with a tab, kept and sent again on
 //! request, and the metadata with the meaning of each.
 //!
-//! As in `mavlink_events.cpp`: numbers begin at 65525, so that they wrap soon; 20 events are kept; the newest number
-//! is sent every 3 s, with the reset flag while there is none; a request for an event that is no longer kept is
-//! answered by an error.
+//! As in `mavlink_events.cpp`: numbers start near the end of their range, so that they wrap soon; 20 events are kept;
+//! the newest number is sent every 3 s, with the reset flag while there is none; a request for an event that is no
+//! longer kept is answered by an error.
 
 use std::collections::VecDeque;
 use std::fmt::Write as _;
@@ -353,10 +353,15 @@ const ARM_REASONS: &[(u8, &str)] = &[
 
 /// The check that fails on a vehicle without a position.
 const CHECK: &str = "check_modes_global_pos";
+/// The number of the first event: PX4's counter starts at 65525 (`initial_event_sequence`), and is raised before use.
 const FIRST: u16 = 65_526;
+/// Capacity of PX4's EventBuffer.
 const KEPT: usize = 20;
+/// PX4's `current_sequence_interval`.
 const CURRENT_EVERY_S: f64 = 3.0;
+/// Events of one request that are answered.
 const MAX_REQUEST: u16 = 256;
+/// External log levels, with the numbers of MAV_SEVERITY.
 const CRITICAL: u8 = 2;
 const ERROR: u8 = 3;
 const WARNING: u8 = 4;

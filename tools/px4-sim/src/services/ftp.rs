@@ -455,7 +455,11 @@ const PASS: Duration = Duration::from_millis(10);
 const SOCKET_ROOM: u32 = 15_000;
 /// A message of its largest size with a frame and a signature.
 const PACKET: u32 = 279;
+/// Bytes after which PX4 ends a burst (mavlink_ftp.cpp).
 const BURST: u32 = 35_000;
+/// PX4 frees its working buffers this long after the last request.
 const PATH_KEPT: Duration = Duration::from_secs(2);
+/// PX4 closes a session this long after the last request.
 const SESSION_KEPT: Duration = Duration::from_secs(10);
+/// Messages that wait at most; a test may never poll them.
 const MAX_OUT: usize = 256;

@@ -545,9 +545,11 @@ impl<R: ItemRules> Server<R> {
 const TIMEOUT: Duration = Duration::from_secs(5);
 /// PX4's MAVLINK_MISSION_RETRY_TIMEOUT_DEFAULT.
 const RETRY: Duration = Duration::from_millis(250);
+/// The smallest step of the clock.
 const TICK: Duration = Duration::from_micros(1);
 /// MAV_COMP_ID_MISSIONPLANNER, an alias of the autopilot for missions.
 const MISSION_PLANNER: u8 = 190;
+/// Messages and events that wait at most; a test may never poll them.
 const MAX_OUT: usize = 64;
 const MAX_EVENTS: usize = 64;
 

@@ -199,6 +199,7 @@ fn used_params(command: u16, in_mission: bool, airframe: Airframe) -> Option<u8>
     Some(used)
 }
 
+// Sets of used parameters, bit n-1 for param n.
 const NONE: u8 = 0;
 const P1: u8 = 0b000_0001;
 const P12: u8 = 0b000_0011;

@@ -252,6 +252,8 @@ impl Server {
 
 /// PX4 sends up to 20 parameters in one burst; 947 of them take 0.85 s.
 const BURST: usize = 20;
+/// Between two bursts: with it a list takes the time that was measured.
 const BURST_PAUSE: Duration = Duration::from_millis(18);
+/// Messages and events that wait at most; a test may never poll them.
 const MAX_OUT: usize = 64;
 const MAX_EVENTS: usize = 64;

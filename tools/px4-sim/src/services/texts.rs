@@ -62,8 +62,11 @@ impl Texts {
     }
 }
 
+/// Characters of one STATUSTEXT.
 const CHUNK: usize = 50;
+/// Texts that wait at most.
 const CAPACITY: usize = 64;
+/// Between two texts: PX4 streams STATUSTEXT at 20 Hz.
 const SPACING_S: f64 = 0.05;
 
 #[cfg(test)]

@@ -102,6 +102,7 @@ impl Actions {
     }
 }
 
+// MAV_CMD numbers.
 const JUMP: u16 = 177;
 const CHANGE_SPEED: u16 = 178;
 const DO_SET_ACTUATOR: u16 = 187;

@@ -90,6 +90,7 @@ impl GroundGrid {
     }
 }
 
+// A block has 4 by 4 heights; the mask of TERRAIN_REQUEST has 8 blocks to the east and 7 to the north.
 const SIDE: usize = 4;
 const BLOCKS_EAST: usize = 8;
 const BLOCKS: usize = 56;

@@ -410,6 +410,7 @@ pub(crate) fn centidegrees(rad: f64) -> u16 {
 
 /// Revolutions a minute of PX4's simulated motors at full throttle.
 const MAX_RPM: f64 = 10_000.0;
+/// Revolutions a minute of the armed motors without throttle.
 const IDLE_RPM: f64 = 1_500.0;
 /// SYS_STATUS of the reference vehicle, without the pre-arm bit.
 const PRESENT: u32 = 50_380_847;

@@ -494,6 +494,9 @@ impl Vehicle {
 
 /// Step of physics and control: 250 Hz.
 pub const TICK: Duration = Duration::from_millis(4);
+/// [`TICK`] in seconds.
 pub(crate) const DT: f64 = 0.004;
+/// MAV_COMP_ID_AUTOPILOT1.
 const COMPONENT: u8 = 1;
+/// Messages that wait at most.
 const MAX_OUT: usize = 4096;

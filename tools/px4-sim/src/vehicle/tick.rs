@@ -226,6 +226,7 @@ impl Vehicle {
     }
 }
 
+/// The estimator's errors are computed at 25 Hz.
 const ESTIMATOR_EVERY: u64 = 10;
 /// The commander reads its command queue every 8 ms: acknowledgements take 4 to 18 ms on the wire.
 const COMMANDS_EVERY: u64 = 2;
@@ -233,6 +234,9 @@ const COMMANDS_EVERY: u64 = 2;
 const NAVIGATE_EVERY: u64 = 13;
 /// Gimbals are driven at 50 Hz.
 const PAYLOADS_EVERY: u64 = 5;
+/// Higher than this above the ground the vehicle has taken off, m.
 const LIFTED_M: f64 = 0.05;
+/// Time of contact before the land detector reports the ground, s.
 const LANDED_AFTER_S: f64 = 0.8;
+/// PX4 repeats MISSION_ITEM_REACHED at 1 Hz up to this often.
 const REACHED_REPEATS: u8 = 10;

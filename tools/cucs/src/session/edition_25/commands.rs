@@ -234,11 +234,14 @@ pub(super) fn ed4_of(number: u16) -> Option<u16> {
     }
 }
 
+// Values of #48: the configuration, or the values commanded by hand, are in effect.
 const CONFIGURATION: u8 = 0;
 const MANUAL: u8 = 2;
+// Modes of #42.
 const WAYPOINT: u8 = 11;
 const LOITER: u8 = 12;
 const AUTOPILOT: u8 = 15;
+// Mission Plan Mode of 13000.
 const LOAD: u32 = 2;
 /// Field Route ID of 13000.
 const ROUTE_ID: u8 = 5;

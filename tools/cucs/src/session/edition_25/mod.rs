@@ -308,6 +308,7 @@ fn refused(text: &str, own: Id) -> Option<(u16, &str)> {
 /// The stamps of two messages are this far apart, so that all messages that one becomes have stamps of their own.
 pub(crate) const STAMPS_EACH: u64 = 8;
 const VERSION: Version = Version::Ed25;
+// Message Types of Edition 2.5.
 const AUTHORISATION: u16 = 1;
 const HANDOVER_STATUS: u16 = 700;
 const PARAMETER_REPORT: u16 = 2012;

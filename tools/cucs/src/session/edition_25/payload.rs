@@ -194,6 +194,7 @@ impl Shows {
     }
 }
 
+// Message Types of Edition 2.5.
 const STEERING: u16 = 200;
 const SENSOR: u16 = 201;
 /// Station Number 1-16 of 19001 and 19100.

@@ -134,4 +134,5 @@ fn acknowledgement(ed4: u16, stamp: TimeStamp, kind: AckType) -> Message {
     .into()
 }
 
+/// Messages that await a result at most; beyond that the oldest are given up.
 const MAX_WAITING: usize = 256;
