@@ -193,7 +193,7 @@ fn range_of(name: &str, described: Option<&Described>) -> Option<Range> {
     Some(table.unwrap_or_else(|| own.clone()))
 }
 
-/// The value to write. `described`: what the vehicle's metadata says of the parameter.
+/// The value to write. `described` is the parameter in the vehicle's metadata.
 ///
 /// # Errors
 /// It must not be written.

@@ -1,4 +1,4 @@
-//! How long it takes to read and to write a message, without and with its wrapper.
+//! The time to read and to write a message, without and with its wrapper.
 
 #![allow(missing_docs, reason = "a bench has no callers")]
 
@@ -26,7 +26,7 @@ fn codec(criterion: &mut Criterion) {
         let length = message.encode_data(&mut out).unwrap();
         let data = out[..length].to_vec();
         criterion.bench_function(&format!("decode {id}"), |bench| {
-            // By reference: passing the value to black_box would time a copy of 520 bytes.
+            // By reference: a value passed to black_box would add a copy of 520 bytes to the time.
             bench.iter(|| {
                 black_box(&Message::decode(black_box(id), black_box(&data)));
             });

@@ -250,7 +250,7 @@ impl Station {
         self.send_bytes(&chosen)
     }
 
-    /// Whether a message of Edition 2.5, as it is, comes to this station after `mark` within `time`.
+    /// Whether this message of Edition 2.5 itself arrives at this station after `mark` within `time`.
     pub fn wait_original(
         &self,
         mark: usize,

@@ -548,7 +548,7 @@ fn distance(to: &Leg, from: Option<&Leg>, site: &Site) -> Result<(), Reason> {
             Err(Reason::FarFromHome {
                 distance_m,
                 max_m,
-                // Latitude and longitude exchanged are the usual mistake: if they fit, the error says so.
+                // Latitude and longitude exchanged are the usual mistake: if they fit, the error names that.
                 swapped: metres(start, (longitude, latitude)) <= max_m,
             })
         }

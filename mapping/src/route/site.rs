@@ -22,7 +22,7 @@ pub struct Site<'a> {
     pub agl: Agl,
     /// The reference of pressure altitudes.
     pub altimeter: Altimeter,
-    /// The ground, if elevation files are configured: the reference of AGL if `agl` says so, and what a route is compared
+    /// The ground, if elevation files are configured: the reference of AGL if `agl` selects it, and what a route is compared
     /// with.
     pub terrain: Option<&'a Terrain>,
     /// Its wings; `None` for a multicopter. A VTOL flies its routes on them, except for the legs on which it was commanded

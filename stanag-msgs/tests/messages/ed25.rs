@@ -1,5 +1,5 @@
-//! Edition 2.5: the table equals the facts of its public text, the codec and an independent one agree on every message,
-//! and what is no message is named with its place.
+//! Edition 2.5: the table equals the facts of its public text, the codec and an independent one agree on every
+//! message, and what is not a message is named with its place.
 
 use std::io::Read;
 
@@ -57,7 +57,7 @@ fn every_vector_agrees_both_ways() {
             "{line}"
         );
 
-        // As a person reads it, and back.
+        // As a person reads it, and back again.
         let [read] = &decode_line(wire, false)[..] else {
             panic!("one message")
         };
@@ -90,7 +90,7 @@ fn every_message_and_field_equals_its_facts() {
             fields += 1;
         }
     }
-    // Of the text, and of the three private messages.
+    // Those of the text, and of the three private messages.
     assert_eq!(fields, 814 + 17);
 }
 
@@ -363,7 +363,7 @@ fn what_is_no_message_is_named_with_its_place() {
         WrapperError::Oversized { .. }
     ));
 
-    // A version that no text was read of, with a right checksum; the next message is still found.
+    // A version whose text was not available, with a correct checksum; the next message is still found.
     let mut other = good.clone();
     other[..3].copy_from_slice(b"2.6");
     let end = total - TRAILER_BYTES;

@@ -10,11 +10,11 @@ use stanag_msgs::{ChecksumStyle, DecodeError, Envelope, Header, Id, Message, fra
 
 use crate::round_trip::{data, known_presence, returns};
 
-/// Decodes message data with this presence vector: whole, a byte short, and a byte too long.
+/// Decodes message data with this presence vector: whole, one byte short, and one byte too long.
 fn is_judged(info: &MessageInfo, presence: u64, known: u64, pool: &[u8]) -> usize {
     let bytes = usize::from(info.presence_bytes);
     if presence & !known != 0 {
-        // A field that is present and of unknown length cannot be skipped either: there is no next place.
+        // A present field of unknown length cannot be skipped either, since the next field's place is unknown.
         let mut wire = presence.to_be_bytes()[8 - bytes..].to_vec();
         wire.extend(&pool[..200]);
         let refused = Message::decode(info.id, &wire).unwrap_err();
@@ -35,7 +35,7 @@ fn is_judged(info: &MessageInfo, presence: u64, known: u64, pool: &[u8]) -> usiz
     3
 }
 
-/// Every value of so many bits in which at most `few` are set.
+/// Every value of this many bits with at most `few` set.
 fn sparse(bits: u32, few: u32) -> Vec<u64> {
     let mut all = vec![0_u64];
     let mut last = all.clone();
@@ -93,7 +93,7 @@ fn every_length_with_every_property_is_a_whole_message_or_refused() {
     let beat = Message::empty(16_002).expect("a heartbeat");
     let length = beat.encode(&ENVELOPE, &mut out).expect("it fits");
     let message = &out[..length];
-    // Alone, and with two like it behind: a length may reach into them, and not beyond.
+    // Alone, and with two like it behind: a length may reach into them, but not beyond.
     let behind = [message; 3].concat();
     for length in 0..=u16::MAX {
         for style in 0..4 {
@@ -143,7 +143,7 @@ fn no_message_with_a_checksum_is_taken_with_a_changed_byte() {
             };
             let whole = out[..length].to_vec();
             for at in 0..length {
-                // What says whether there is a checksum at all is not protected by it.
+                // The checksum does not protect the bits that announce whether there is one.
                 let style_bits = if at == 15 { 0xc0 } else { 0 };
                 for change in (1..=255_u8).filter(|change| change & style_bits == 0) {
                     number += 1;

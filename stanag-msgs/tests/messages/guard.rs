@@ -101,13 +101,13 @@ fn a_key_is_of_one_receiver_one_direction_and_its_holders() {
     assert!(key.verifies(&guarded, VSM));
     assert!(!key.verifies(&guarded, Id(VSM.0 + 1)), "another VSM");
     assert!(!other.verifies(&guarded, VSM), "another key");
-    // Sent back, as if the VSM had sent it: the direction is signed, and each has a key of its own.
+    // Sent back, as if by the VSM: the MAC covers the direction, and each direction has a key of its own.
     let mut back = sealed.clone();
     back[1 + 3] = 2;
     let back = Guarded::parse(&back).unwrap();
     assert_eq!(back.trailer.direction, Direction::ToCucs);
     assert!(!key.verifies(&back, VSM) && !key.verifies(&back, CUCS));
-    // A key of another that happens to have the same id.
+    // Another CUCS's key that happens to have the same id.
     let mut named = from_cucs(&other, 5);
     named.key_id = key.id();
     let named = seal(&other, &named, VSM, b"x");
@@ -165,7 +165,7 @@ proptest! {
 
 #[test]
 fn frames_of_a_connection_agree_with_the_reference_and_with_no_other_opening() {
-    // By the HMAC and HKDF of tests/data/dli/reference_guard.py.
+    // With the HMAC and HKDF of tests/data/dli/reference_guard.py.
     let key = GuardKey::new(&core::array::from_fn(|place| place as u8));
     let opening = Opening {
         vsm: VSM,

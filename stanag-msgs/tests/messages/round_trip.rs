@@ -8,7 +8,7 @@ use stanag_msgs::table::{MESSAGES, MessageInfo, Wire};
 use stanag_msgs::wrapper::{self, MAX_DATA};
 use stanag_msgs::{Envelope, Id, Message};
 
-/// Up to how many fields every presence vector is tried.
+/// Messages with at most this many fields are tried with every presence vector.
 const EXHAUSTIVE: usize = 12;
 const RANDOM_CASES: u32 = 300;
 
@@ -85,7 +85,7 @@ fn returns_through_json(info: &MessageInfo, data: &[u8]) {
     };
     match encode_line(&value.to_string(), false) {
         Ok(back) => assert_eq!(back, wire, "{value}"),
-        // Random bytes need not be in the ranges that sources give.
+        // Random bytes need not be in the ranges of the sources.
         Err(error) => assert!(
             info.fields
                 .iter()

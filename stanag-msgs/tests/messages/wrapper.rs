@@ -70,7 +70,7 @@ fn edition_3_fills_the_first_word_and_receivers_ignore_it() {
     });
     assert_eq!(wire[..2], [0xFF, 0xFF]);
     wire[..2].copy_from_slice(&[0x12, 0x34]);
-    // Nor the reserved bits of the properties.
+    // Nor do the reserved bits of the properties.
     wire[15] |= 0x3F;
     assert!(outcomes(&wire)[0].is_ok());
 }

@@ -230,7 +230,7 @@ impl<R: ItemRules> Server<R> {
             return;
         }
         match self.state {
-            // Whatever the result, the partner requests no more items.
+            // Whatever the result, the partner requests no further items.
             State::Sending { .. } if ack.mission_type == self.kind => self.state = State::Idle,
             State::Receiving { .. } => match ack.mavtype {
                 MavMissionResult::MAV_MISSION_UNSUPPORTED => {

@@ -386,7 +386,7 @@ fn a_file_that_changes_meanwhile_is_refused() {
     assert!(matches!(ended, Err(Failure::Checksum { .. })), "{ended:?}");
 }
 
-/// Answers requests as a test says.
+/// Answers requests as a test decides.
 fn against(
     operation: Operation,
     mut answer: impl FnMut(&Payload) -> Vec<Payload>,
