@@ -203,6 +203,7 @@ impl BezierLeg {
         }
         let climb = match (p2.alt_m, p3.alt_m) {
             (Some(a2), Some(a3)) => Climb::Cubic([p1.alt_m, a2, a3, p4.alt_m]),
+            // A level leg needs no length, which would have to be integrated.
             (None, None) if p1.alt_m == p4.alt_m => Climb::Cubic([p1.alt_m; 4]),
             (None, None) => Climb::Even {
                 from_m: p1.alt_m,
@@ -344,6 +345,7 @@ impl BezierLeg {
                 length_m,
             } => {
                 let (first_m, whole_m) = (meet.alt_m - from_m, length_m);
+                // Both lengths are integrated: by rounding, that of a part could exceed the whole.
                 let cut_m = a.length().min(whole_m);
                 (
                     Climb::Even {

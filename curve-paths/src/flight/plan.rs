@@ -106,6 +106,7 @@ pub fn plan_flight(
         slowest_chord_mps: f64::INFINITY,
         ..Default::default()
     };
+    // Of a run of tight chords only the tightest place is reported.
     let mut run: Option<Tight> = None;
     for chord in &chords {
         plan.fastest_mps = plan.fastest_mps.min(chord.fastest_mps());
@@ -134,6 +135,7 @@ pub fn plan_flight(
         }
         plan.time_s += chords[k].length_m / speed.min(chords[k].autopilot_mps);
     }
+    // The route's last vertex restores the requested speed, which holds for what follows.
     if now != speed_mps {
         plan.changes.push(SpeedChange {
             vertex: chords.len(),

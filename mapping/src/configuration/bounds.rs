@@ -98,6 +98,7 @@ pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds
                 .starting_at(0.0)
         }
         (13000 | 13002 | 13003, "Waypoint Number") | (13001, "Initial Waypoint Number") => {
+            // In 13001 a waypoint 0 deletes the route; no waypoint has that number.
             let low = if message == 13001 { 0.0 } else { 1.0 };
             Bounds::between(low, LAST_WAYPOINT, "number of a waypoint").starting_at(1.0)
         }
@@ -106,6 +107,7 @@ pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds
                 .starting_at(0.0)
         }
         (3002, "Current Propulsion Energy Level") => energy(subject),
+        // A report has no value for a CUCS to start from.
         (3002, "Commanded Speed") => Bounds {
             default: None,
             ..speed(subject)
@@ -117,6 +119,7 @@ pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds
         }
         (4000, "W_Speed") => {
             let of = |name| subject.parameters.above_zero(name);
+            // W_Speed is positive down.
             let up = of("MPC_Z_VEL_MAX_UP").map(|up| -up);
             Bounds::between(
                 up,

@@ -122,6 +122,7 @@ impl Frame {
         let all = bytes.get(..unsigned + if signed { 13 } else { 0 })?;
         let id = u32::from_le_bytes([id0, id1, id2, 0]);
         let signature = signed.then(|| {
+            // Link id, 6 bytes of timestamp, 6 bytes of hash.
             let trailer = &all[unsigned..];
             let mut stamp = [0; 8];
             stamp[..6].copy_from_slice(&trailer[1..7]);
@@ -134,6 +135,8 @@ impl Frame {
             }
         });
         let crc_holds = table::by_id(id).map(|message| {
+            // The checksum covers everything but the magic byte, then CRC_EXTRA, by which sender and receiver agree
+            // on the message's definition.
             let expected = crc(all[1..unsigned - 2]
                 .iter()
                 .copied()

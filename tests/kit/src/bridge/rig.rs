@@ -508,6 +508,8 @@ impl Rig {
     }
 
     fn step(&mut self) {
+        // One fixed order, so that a seed gives one history: vehicles and stations send, then what has arrived is
+        // delivered, then the bridge's disk and timers run, then what it has to send is sent.
         self.clock.advance(self.step);
         self.restart_what_is_due();
         let (clock, now) = (self.clock.elapsed(), self.now());
@@ -522,6 +524,8 @@ impl Rig {
         }
         for (index, station) in self.stations.iter_mut().enumerate() {
             for bytes in station.advance(station_now) {
+                // A web client's frames go to the bridge directly: there is no socket, and no datagram for the
+                // network.
                 if let (Some(party), Some(bridge)) = (self.web.get_mut(&index), &mut self.bridge) {
                     for frame in party.frames(&bytes) {
                         party.deliver(bridge, now, &frame, &mut self.store);
@@ -550,6 +554,7 @@ impl Rig {
                     None => station.receive(station_now, &packet.payload),
                     Some(guard) => match guard.open(station_now, &packet.payload) {
                         Ok(inside) => station.receive(station_now, &inside),
+                        // The guard answers a datagram about clocks by itself; its station never sees it.
                         Err(Some(lift)) => {
                             let from = station.address;
                             self.dli.send(clock, from, bridge_dli(), lift);
@@ -565,6 +570,7 @@ impl Rig {
             let to = |address: fn(usize) -> SocketAddr| {
                 (0..self.vehicles.len()).find(|index| address(*index) == packet.to)
             };
+            // The message id of a MAVLink 2 frame.
             let id = packet.payload.get(7..10);
             let id = id.map(|id| u32::from_le_bytes([id[0], id[1], id[2], 0]));
             if let (Some(index), Some(bridge)) = (to(bridge_mav), &mut self.bridge) {
@@ -592,6 +598,7 @@ impl Rig {
         let Some(bridge) = &mut self.bridge else {
             return;
         };
+        // Everything that is queued by now becomes durable at once, `sync` later.
         if let Some((_, change)) = self.synced_at.take_if(|(at, _)| *at <= clock) {
             self.store.complete(change);
             bridge.handle_durable(now, &mut self.store);

@@ -240,6 +240,7 @@ impl<W: Write> Operator<W> {
                         other => other.to_string(),
                     };
                     let line = format!("{from}: 16000 {priority}: {}", alert.text);
+                    // An alert within the contents of a file would damage the file.
                     if self.alerts_aside && self.style == Style::People {
                         remark(&line);
                         continue;

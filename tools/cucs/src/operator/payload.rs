@@ -224,6 +224,7 @@ impl PayloadAction {
             };
             vec![command.into()]
         };
+        // 19100 selects the pointing mode by which the values of 19001 count, so it is sent first.
         let pointing = |mode, steering: PayloadSteeringCommand| {
             let command = EoIrLaserPayloadCommand {
                 set_eo_ir_pointing_mode: Some(mode),

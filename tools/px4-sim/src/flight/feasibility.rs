@@ -109,6 +109,7 @@ fn glide(before: &Item, land: &Item, view: &View<'_>) -> Option<String> {
         WAYPOINT => away,
         _ => return Some("unsupported landing approach entrance waypoint type. Only ORBIT_TO_ALT or WAYPOINT allowed.".into()),
     };
+    // PX4 allows 0.1 degree more, for rounding (FeasibilityChecker.cpp).
     let steepest = view.params.get(Param::FW_LND_ANG);
     (height / length > (steepest + 0.1).to_radians().tan()).then(|| {
         format!(

@@ -38,6 +38,7 @@ impl Vehicle {
             }
             M::COMMAND_LONG(m) => self.queue_command(Command::from_long(m, from)),
             M::COMMAND_INT(m) => self.queue_command(Command::from_int(m, from)),
+            // As PX4's receiver does, SET_MODE becomes DO_SET_MODE, and so is answered by a COMMAND_ACK for 176.
             M::SET_MODE(m) if m.target_system == own.system => {
                 let [_, _, main, sub] = m.custom_mode.to_le_bytes();
                 self.queue_command(Command {
