@@ -1,4 +1,4 @@
-//! Judges of numbers, texts, presence vectors and time stamps: SCALAR, PV, TIME.
+//! Judges of SCALAR, PV and TIME: numbers, texts, presence vectors and time stamps of all recorded messages.
 
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;

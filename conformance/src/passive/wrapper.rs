@@ -1,4 +1,4 @@
-//! Judges of wrapper and checksum: WRAP.
+//! Judges of WRAP: header, lengths, checksums, versions, sources and destinations of all recorded messages.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;

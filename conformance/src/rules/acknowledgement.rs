@@ -1,4 +1,5 @@
-//! Acknowledgements: ACK.
+//! ACK, acknowledgements (17000): that each requested one comes, names its message and goes to its sender, that none
+//! comes otherwise, and that a repeated message is answered again but not carried out again.
 
 use std::sync::Arc;
 use std::time::Duration;

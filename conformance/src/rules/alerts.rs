@@ -1,4 +1,6 @@
-//! Warnings, cautions, advisories: ALERT.
+//! ALERT, warnings, cautions and advisories (16000): that an alert ends with its cause, for every CUCS, that a
+//! refusal has its reason, that floods of alerts stay bounded, and that active alerts are sent to a CUCS that
+//! connects.
 
 use std::collections::BTreeSet;
 use std::time::Duration;

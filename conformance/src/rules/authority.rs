@@ -1,4 +1,5 @@
-//! Authorisation, levels of interoperability, connection: AUTH.
+//! AUTH, levels of interoperability (messages 1 and 2): who is granted what, that at most one CUCS controls, that
+//! commands need their level, and that control survives what it has to survive (silence, a restart, another port).
 
 use std::sync::atomic::Ordering;
 use std::time::Duration;

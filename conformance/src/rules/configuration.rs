@@ -1,4 +1,5 @@
-//! Configuration phase: CONF.
+//! CONF, the configuration phase (40000 and its answers): that it is complete and ends, and that its ranges and lists
+//! agree with what the subject accepts and refuses.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;

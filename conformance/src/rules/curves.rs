@@ -1,4 +1,5 @@
-//! The private curve messages: CURVE.
+//! CURVE, this project's private curve messages (50001, 50002): that they are loaded, returned and flown, and that a
+//! subject without them is not harmed by them.
 
 use super::scene::Scene;
 use crate::bench::flight::{

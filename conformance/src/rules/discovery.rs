@@ -1,4 +1,5 @@
-//! Discovery and identification: DISC.
+//! DISC, discovery and identification (messages 1 to 3): that a broadcast is answered for each vehicle, that an offer
+//! is not a grant, and that a discovery changes nobody's rights.
 
 use std::collections::BTreeSet;
 use std::time::Duration;

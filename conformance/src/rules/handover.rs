@@ -1,4 +1,5 @@
-//! Handover: HAND, and two requests at once.
+//! HAND, positive handover (4, 5, 35000) and loss of control by silence: that control passes with consent only, never
+//! to two and never to none, and that two requests at once have one winner.
 
 use std::time::Duration;
 

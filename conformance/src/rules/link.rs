@@ -1,4 +1,5 @@
-//! Data links, the vehicle's link, and clocks: LINK, TIME.
+//! LINK and TIME, data links (28000, 28001), the loss of the vehicle's link or of the CUCS, and stamps of a wrong
+//! clock.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

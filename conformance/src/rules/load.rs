@@ -1,4 +1,4 @@
-//! Many messages: LOAD.
+//! LOAD: that status and commands continue under many commands, long routes and a flood from unknown ids.
 
 use std::time::Duration;
 

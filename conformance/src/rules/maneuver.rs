@@ -1,4 +1,5 @@
-//! Finer points of flight: turn types, loops, default rates, speed types.
+//! Finer points of flight (rules of ROUTE and MODE): turn types, loops, numbers with gaps, default rates, speed
+//! types.
 
 use std::time::Duration;
 

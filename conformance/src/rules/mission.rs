@@ -1,4 +1,5 @@
-//! Missions: what is loaded, refused and returned: ROUTE on the ground.
+//! ROUTE on the ground: which plans are loaded and which refused as a whole, that a refusal leaves the old plan, and
+//! that a download returns what was uploaded.
 
 use std::collections::{BTreeMap, BTreeSet};
 

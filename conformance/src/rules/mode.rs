@@ -1,4 +1,4 @@
-//! Flight commands on the ground, termination, engines, lights: MODE.
+//! MODE: flight modes on the ground and at launch and landing, flight termination in two steps, engines, lights.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;

@@ -1,4 +1,5 @@
-//! Payloads: PAYL, and the authority over stations.
+//! PAYL: payload stations, who may command which, and that pointing, lens and laser do what the message commands and
+//! nothing else.
 
 use std::time::Duration;
 

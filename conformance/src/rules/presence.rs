@@ -1,4 +1,5 @@
-//! Presence vector: PV.
+//! PV, the presence vector: its width, the meaning of its bits, that an absent field means "unchanged" or "unknown"
+//! and not 0, and that a vector that contradicts its data drops the message.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,4 +1,4 @@
-//! Malformed and hostile input: ROBUST.
+//! ROBUST: malformed and hostile input.
 //!
 //! After each input the subject has to answer a discovery, and its status has to have continued.
 

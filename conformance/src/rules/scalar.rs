@@ -1,4 +1,4 @@
-//! Numbers, texts, angles: SCALAR.
+//! SCALAR: angles, integers of three bytes, ranges and signs of values.
 
 use std::time::Duration;
 

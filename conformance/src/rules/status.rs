@@ -1,4 +1,5 @@
-//! Status reports and rates: STAT.
+//! STAT, status reports: that they come by themselves after a grant, at the scheduled rate, to each CUCS by its own
+//! schedule, with current data, and without invented values where data are missing.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;

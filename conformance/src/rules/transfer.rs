@@ -1,4 +1,5 @@
-//! Transfers: single downloads, clearing, cancelling, what 14000 echoes: ROUTE on the ground.
+//! ROUTE on the ground, continued: downloads of single waypoints, clearing, cancelling, and what 14000 reports about
+//! a transfer.
 
 use super::mission::{aboard, with_plan};
 use super::scene::Scene;

@@ -1,4 +1,4 @@
-//! Two vehicles behind one VSM: MULTI-002.
+//! MULTI-002, two vehicles behind one VSM: that commands, plans, rights and losses of one do not touch the other.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! Wrapper and checksum: WRAP.
+//! WRAP, wrapper and checksum: lengths, several messages in a datagram, checksum styles, versions, and addresses.
 
 use stanag_msgs::Id;
 

@@ -1,4 +1,5 @@
-//! CMD: COMMAND_LONG, COMMAND_INT and COMMAND_ACK.
+//! CMD, the command protocol: that each command for the subject is answered once, in time, to its sender, and that no
+//! other is; that an accepted mode is shown.
 
 use std::sync::Arc;
 use std::time::Duration;
