@@ -82,8 +82,15 @@ impl Notes<'_> {
         Ok(())
     }
 
-    fn agree(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
-        self.change(|record| record.epoch = record.epoch.max(agreed.epoch))?;
+    fn agree(
+        &mut self,
+        agreed: &Agreed,
+        to: impl FnOnce(&mut EncryptedRecord),
+    ) -> Result<(), StoreError> {
+        self.change(|record| {
+            record.epoch = record.epoch.max(agreed.epoch);
+            to(record);
+        })?;
         if (self.stage)(agreed) {
             return Ok(());
         }
@@ -104,7 +111,7 @@ impl InitiatorStore for Notes<'_> {
     }
 
     fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
-        self.agree(agreed)
+        self.agree(agreed, |_| {})
     }
 
     fn drop_next(&mut self) -> Result<(), StoreError> {
@@ -121,12 +128,8 @@ impl ResponderStore for Notes<'_> {
         Ok(())
     }
 
-    fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), StoreError> {
-        self.change(|record| record.counter = peer.counter)
-    }
-
-    fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
-        self.agree(agreed)
+    fn store_agreed(&mut self, peer: &PinnedPeer, agreed: &Agreed) -> Result<(), StoreError> {
+        self.agree(agreed, |record| record.counter = peer.counter)
     }
 }
 

@@ -74,17 +74,16 @@ pub trait ResponderStore {
     /// It is not durable.
     fn withdraw_next(&mut self) -> Result<(), StoreError>;
 
-    /// Keeps the peer's static key and the counter of its last exchange: the one peer from now on.
+    /// Keeps the result of an exchange: the peer's static key and the counter of its last exchange, the one peer from now
+    /// on; and the key as `next`, with its epoch. It may be installed in the autopilot from now on.
+    ///
+    /// One call, so that no failure leaves a peer whose key is missing: it would keep out the previous peer, and the new one
+    /// has not received step 4. Where they are two files, the peer is written first: a power cut in between costs another
+    /// pairing, while a key without its peer could be installed for a ground that nobody here knows.
     ///
     /// # Errors
-    /// It is not durable.
-    fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), StoreError>;
-
-    /// Keeps a key as `next`, with its epoch. It may be installed in the autopilot from now on.
-    ///
-    /// # Errors
-    /// It is not durable.
-    fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError>;
+    /// One of them is not durable; then peer and `next` are as before.
+    fn store_agreed(&mut self, peer: &PinnedPeer, agreed: &Agreed) -> Result<(), StoreError>;
 }
 
 /// The ground side, as the air side knows it.
@@ -99,7 +98,7 @@ pub struct PinnedPeer {
 /// What the air side must know when it starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ResponderMemory {
-    /// As last given to [`ResponderStore::store_peer`].
+    /// As last given to [`ResponderStore::store_agreed`].
     pub peer: Option<PinnedPeer>,
     /// The highest epoch ever stored; 0 at first.
     pub epoch: u32,

@@ -173,22 +173,27 @@ impl ResponderStore for AirDisk {
         })
     }
 
-    fn store_peer(&mut self, pinned: &PinnedPeer) -> Result<(), StoreError> {
-        let Self { writes, peer, .. } = self;
-        writes.write(|| *peer = Some(*pinned))
-    }
-
-    fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
+    fn store_agreed(&mut self, pinned: &PinnedPeer, agreed: &Agreed) -> Result<(), StoreError> {
         let Self {
             writes,
             next,
             epoch,
+            peer,
             ..
         } = self;
+        // Two files: the record, then the key. A process that dies in between leaves the first of them.
+        let before = (*peer, *epoch);
         writes.write(|| {
-            assert!(next.is_none(), "withdrawn first");
             assert!(agreed.epoch > *epoch, "the epoch rises");
-            (*next, *epoch) = (Some((*agreed.key.expose(), false)), agreed.epoch);
-        })
+            (*peer, *epoch) = (Some(*pinned), agreed.epoch);
+        })?;
+        let stored = writes.write(|| {
+            assert!(next.is_none(), "withdrawn first");
+            *next = Some((*agreed.key.expose(), false));
+        });
+        if stored.is_err() && !writes.died {
+            (*peer, *epoch) = before;
+        }
+        stored
     }
 }

@@ -21,15 +21,6 @@ pub struct AirsideDisk {
 }
 
 impl AirsideDisk {
-    fn change(&mut self, to: impl FnOnce(&mut ExchangeRecord)) -> Result<(), exchange::StoreError> {
-        let disk = &mut self.ordered.records;
-        let mut record = ExchangeRecord::load(disk, self.vehicle).map_err(exchange_fault)?;
-        to(&mut record);
-        record.save(disk, self.vehicle).map_err(exchange_fault)
-    }
-}
-
-impl AirsideDisk {
     /// Deletes the signing clocks of dead keys. A file that stays behind is harmless; the next start deletes it.
     pub(super) fn bury(&mut self) {
         if let Err(fault) = self.ordered.keys.bury(&mut self.store) {
@@ -45,18 +36,33 @@ impl ResponderStore for AirsideDisk {
         Ok(())
     }
 
-    fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), exchange::StoreError> {
-        self.change(|record| {
-            record.peer = Some(*peer.key.bytes());
-            record.counter = peer.counter;
-        })
-    }
-
-    fn store_next(&mut self, agreed: &Agreed) -> Result<(), exchange::StoreError> {
-        // The epoch goes first: a power cut in between skips an epoch, and never uses one twice.
-        self.change(|record| record.epoch = record.epoch.max(agreed.epoch))?;
-        // `stage`, not `restage`: a key that PX4 may have been sent is not replaced here.
-        self.ordered.keys.stage(&agreed.key).map_err(exchange_fault)
+    fn store_agreed(
+        &mut self,
+        peer: &PinnedPeer,
+        agreed: &Agreed,
+    ) -> Result<(), exchange::StoreError> {
+        let (vehicle, ordered) = (self.vehicle, &mut self.ordered);
+        let (keys, records) = (&ordered.keys, &mut ordered.records);
+        let before = ExchangeRecord::load(records, vehicle).map_err(exchange_fault)?;
+        let record = ExchangeRecord {
+            peer: Some(*peer.key.bytes()),
+            counter: peer.counter,
+            epoch: before.epoch.max(agreed.epoch),
+            ..before.clone()
+        };
+        let stored = ordered.files.together(|| {
+            // The epoch goes first: a power cut in between skips an epoch, and never uses one twice.
+            record.save(records, vehicle).map_err(exchange_fault)?;
+            // `stage`, not `restage`: a key that PX4 may have been sent is not replaced here.
+            let Err(cause) = keys.stage(&agreed.key) else {
+                return Ok(());
+            };
+            before.save(records, vehicle).map_err(|other| {
+                exchange_fault(format!("{cause}; the pairing is changed: {other}"))
+            })?;
+            Err(exchange_fault(cause))
+        });
+        stored.map_err(exchange_fault)?
     }
 }
 
@@ -104,4 +110,64 @@ impl Keys for AirsideDisk {
 
 fn fault(cause: KeyStoreError) -> StoreError {
     StoreError::new("key", cause)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::time::{Duration, Instant};
+
+    use mavlink_link::exchange::PublicKey;
+    use tokio::sync::Notify;
+
+    use super::*;
+    use crate::shell::disk::FileDisk;
+    use crate::shell::key_store::KeyStore;
+
+    const VEHICLE: Id = Id(0x1b00_0101);
+
+    fn agreed(n: u8) -> (PinnedPeer, Agreed) {
+        let key = PublicKey::new([n; 32]);
+        let agreed = Agreed {
+            key: SigningKey::new([n; 32]).unwrap(),
+            confidential: None,
+            epoch: n.into(),
+            peer: key,
+        };
+        let counter = n.into();
+        (PinnedPeer { key, counter }, agreed)
+    }
+
+    #[test]
+    fn a_key_that_cannot_be_stored_leaves_the_earlier_pairing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("v.key");
+        let keys = KeyStore::open(&path).unwrap();
+        let store = FileDisk::open(&folder.path().join("store")).unwrap();
+        let notify = Arc::new(Notify::new());
+        let ordered = OrderedKeys::start(keys, &store, notify.clone()).unwrap();
+        let mut disk = AirsideDisk {
+            store: QueuedDisk::new(store, notify).unwrap(),
+            ordered,
+            vehicle: VEHICLE,
+        };
+        let record = |disk: &AirsideDisk| {
+            let files = &disk.ordered.files;
+            assert!(files.wait(Instant::now() + Duration::from_secs(20)));
+            ExchangeRecord::load(&disk.ordered.records, VEHICLE).unwrap()
+        };
+
+        let (peer, first) = agreed(1);
+        disk.store_agreed(&peer, &first).unwrap();
+        let before = record(&disk);
+        assert_eq!(before.peer(), Some(peer.key));
+        assert!(Keys::next(&mut disk).unwrap().is_some());
+
+        // The staged key is still there, and may have been sent: another one is refused.
+        let (other, second) = agreed(2);
+        disk.store_agreed(&other, &second).unwrap_err();
+        assert_eq!(record(&disk), before);
+        let next = Keys::next(&mut disk).unwrap().unwrap();
+        assert!(next.same_as(&first.key));
+    }
 }

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use mavlink_link::exchange::{
     Agreed, PinnedPeer, PublicKey, ResponderMemory, ResponderStore, StoreError,
 };
+use mavlink_link::signing::SigningKey;
 use mavlink_link::store::Record as _;
 
 use super::disk::{self, FileSystem, NativeFileSystem};
@@ -96,6 +97,21 @@ impl AgreedFiles {
         disk::replace(&*self.system, &path, &record.encode(), true).map_err(reason)
     }
 
+    /// Undoes a change of the pairing whose key could not be stored.
+    fn restore(&self, before: Option<ExchangeRecord>, key: &SigningKey) -> Result<(), StoreError> {
+        // Only the folder could not be synchronised: the key is in its place, and the pairing belongs to it.
+        if super::key_file::read(&self.path).is_ok_and(|there| there.same_as(key)) {
+            return Ok(());
+        }
+        if let Some(record) = before {
+            return self.write(&record);
+        }
+        let path = guard_file::pairing(&self.path);
+        let removed = self.system.remove(&path);
+        let synced = removed.and_then(|()| self.system.sync(disk::folder_of(&path)));
+        synced.map_err(reason)
+    }
+
     fn fault(&self, cause: io::Error) -> KeyFileError {
         let path = guard_file::pairing(&self.path);
         KeyFileError::Io { path, cause }
@@ -108,7 +124,7 @@ impl ResponderStore for AgreedFiles {
         Ok(())
     }
 
-    fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), StoreError> {
+    fn store_agreed(&mut self, peer: &PinnedPeer, agreed: &Agreed) -> Result<(), StoreError> {
         let _held = guard_file::hold(&self.path).map_err(reason)?;
         let known = self.record().map_err(reason)?;
         let same = |one: &ExchangeRecord| one.peer == Some(*peer.key.bytes());
@@ -116,23 +132,19 @@ impl ResponderStore for AgreedFiles {
         if !self.pairs && !known.as_ref().is_some_and(same) {
             return Err(reason("the pairing was ended"));
         }
+        let epoch = known.as_ref().map_or(0, |record| record.epoch);
+        // The record goes first: a power cut in between skips an epoch, and never uses one twice.
         self.write(&ExchangeRecord {
             peer: Some(*peer.key.bytes()),
             counter: peer.counter,
-            epoch: known.map_or(0, |record| record.epoch),
+            epoch: epoch.max(agreed.epoch),
             ..ExchangeRecord::default()
+        })?;
+        let put = guard_file::put_in_force(&*self.system, &self.path, &agreed.key);
+        put.map_err(|cause| match self.restore(known, &agreed.key) {
+            Ok(()) => reason(cause),
+            Err(other) => reason(format!("{cause}; the pairing is changed: {other}")),
         })
-    }
-
-    fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
-        let _held = guard_file::hold(&self.path).map_err(reason)?;
-        let Some(mut record) = self.record().map_err(reason)? else {
-            return Err(reason("the pairing was ended"));
-        };
-        // The epoch goes first: a power cut in between skips one, and never uses one twice.
-        record.epoch = record.epoch.max(agreed.epoch);
-        self.write(&record)?;
-        guard_file::put_in_force(&*self.system, &self.path, &agreed.key).map_err(reason)
     }
 }
 
@@ -144,3 +156,49 @@ fn reason(fault: impl std::fmt::Display) -> StoreError {
 
 /// The record is a few hundred bytes.
 const MOST: u64 = 4_096;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shell::key_file;
+
+    fn agreed(n: u8) -> (PinnedPeer, Agreed) {
+        let key = PublicKey::new([n; 32]);
+        let agreed = Agreed {
+            key: SigningKey::new([n; 32]).unwrap(),
+            confidential: None,
+            epoch: n.into(),
+            peer: key,
+        };
+        let counter = n.into();
+        (PinnedPeer { key, counter }, agreed)
+    }
+
+    #[test]
+    fn a_key_that_cannot_be_stored_leaves_the_earlier_pairing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a0.key");
+        let mut files = AgreedFiles::new(&path);
+        files.set_pairing(true);
+
+        // A folder in the key's place: the record can be written, and the key cannot.
+        let (peer, first) = agreed(1);
+        std::fs::create_dir(&path).unwrap();
+        files.store_agreed(&peer, &first).unwrap_err();
+        std::fs::remove_dir(&path).unwrap();
+        assert_eq!(files.memory().unwrap(), ResponderMemory::default());
+
+        files.store_agreed(&peer, &first).unwrap();
+        let before = files.memory().unwrap();
+        assert_eq!(before.peer, Some(peer));
+        let (other, second) = agreed(2);
+        let previous = folder.path().join("a0.key.previous");
+        std::fs::create_dir(&previous).unwrap();
+        files.store_agreed(&other, &second).unwrap_err();
+        assert_eq!(files.memory().unwrap(), before);
+        std::fs::remove_dir(&previous).unwrap();
+        files.store_agreed(&other, &second).unwrap();
+        assert_eq!(files.peer(), Some(other.key));
+        assert!(key_file::read(&path).unwrap().same_as(&second.key));
+    }
+}

@@ -51,6 +51,8 @@ struct State {
     queued: u64,
     durable: u64,
     fault: Option<String>,
+    /// Changes that are accepted together are being queued; see [`OrderedFiles::together`].
+    together: bool,
     closed: bool,
 }
 
@@ -100,6 +102,23 @@ impl OrderedFiles {
         }
     }
 
+    /// Queues changes that must not be accepted in part: a fault refuses all of them, before the first, or none. Without
+    /// that a fault between two changes would leave the first one alone, and refuse its reversal too.
+    ///
+    /// # Errors
+    /// The files cannot be written at present; `changes` was not called.
+    pub fn together<T>(&self, changes: impl FnOnce() -> T) -> io::Result<T> {
+        let mut state = self.state();
+        if let Some(fault) = &state.fault {
+            return Err(io::Error::other(fault.clone()));
+        }
+        state.together = true;
+        drop(state);
+        let result = changes();
+        self.state().together = false;
+        Ok(result)
+    }
+
     /// Whether all that was written so far is durable.
     #[must_use]
     pub fn is_durable(&self) -> bool {
@@ -132,7 +151,7 @@ impl OrderedFiles {
         step: impl FnOnce(&mut State) -> io::Result<Step>,
     ) -> io::Result<()> {
         let mut state = self.state();
-        if let (true, Some(fault)) = (first, &state.fault) {
+        if let (true, Some(fault)) = (first && !state.together, &state.fault) {
             return Err(io::Error::other(fault.clone()));
         }
         let step = step(&mut state)?;
@@ -401,6 +420,8 @@ mod tests {
         assert_eq!(files.progress(all), Progress::Failing);
         replace(&files, &path("key"), b"2", true).unwrap_err();
         replace(&files, &path("other"), b"2", true).unwrap_err();
+        let part = files.together(|| replace(&files, &path("other"), b"2", true));
+        part.unwrap_err();
         std::fs::remove_dir(path("key")).unwrap();
         assert!(wait(&files));
         assert_eq!(std::fs::read(path("key")).unwrap(), b"1");
@@ -408,5 +429,32 @@ mod tests {
         replace(&files, &path("key"), b"3", true).unwrap();
         assert!(wait(&files));
         assert_eq!(std::fs::read(path("key")).unwrap(), b"3");
+    }
+
+    #[test]
+    fn a_fault_between_changes_that_belong_together_refuses_none_of_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let files =
+            OrderedFiles::start(Arc::new(NativeFileSystem), Arc::new(Notify::new())).unwrap();
+        std::fs::create_dir(path("record")).unwrap();
+        let both = files.together(|| {
+            replace(&files, &path("record"), b"1", true).unwrap();
+            let all = Changes {
+                after: 0,
+                until: files.queued(),
+            };
+            let end = Instant::now() + Duration::from_secs(20);
+            while files.progress(all) == Progress::Waiting && Instant::now() < end {
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            assert_eq!(files.progress(all), Progress::Failing);
+            replace(&files, &path("key"), b"2", true)
+        });
+        both.unwrap().unwrap();
+        std::fs::remove_dir(path("record")).unwrap();
+        assert!(wait(&files));
+        assert_eq!(std::fs::read(path("record")).unwrap(), b"1");
+        assert_eq!(std::fs::read(path("key")).unwrap(), b"2");
     }
 }

@@ -88,14 +88,13 @@ impl ResponderStore for Disk {
         Ok(())
     }
 
-    fn store_peer(&mut self, peer: &PinnedPeer) -> Result<(), exchange::StoreError> {
+    fn store_agreed(
+        &mut self,
+        peer: &PinnedPeer,
+        agreed: &Agreed,
+    ) -> Result<(), exchange::StoreError> {
         self.exchange_writable()?;
         self.peer = Some(*peer);
-        Ok(())
-    }
-
-    fn store_next(&mut self, agreed: &Agreed) -> Result<(), exchange::StoreError> {
-        self.exchange_writable()?;
         self.epoch = agreed.epoch;
         self.next = Some(agreed.key.duplicate());
         Ok(())

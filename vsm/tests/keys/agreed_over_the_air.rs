@@ -122,11 +122,7 @@ impl ResponderStore for Disk {
         Ok(())
     }
 
-    fn store_peer(&mut self, _: &PinnedPeer) -> Result<(), StoreError> {
-        Ok(())
-    }
-
-    fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
+    fn store_agreed(&mut self, _: &PinnedPeer, agreed: &Agreed) -> Result<(), StoreError> {
         self.0 = Some(agreed.key.duplicate());
         Ok(())
     }

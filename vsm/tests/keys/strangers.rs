@@ -336,11 +336,7 @@ impl ResponderStore for Nothing {
         Ok(())
     }
 
-    fn store_peer(&mut self, _: &PinnedPeer) -> Result<(), StoreError> {
-        Ok(())
-    }
-
-    fn store_next(&mut self, _: &Agreed) -> Result<(), StoreError> {
+    fn store_agreed(&mut self, _: &PinnedPeer, _: &Agreed) -> Result<(), StoreError> {
         Ok(())
     }
 }

@@ -119,11 +119,7 @@ impl ResponderStore for Next {
         Ok(())
     }
 
-    fn store_peer(&mut self, _: &PinnedPeer) -> Result<(), StoreError> {
-        Ok(())
-    }
-
-    fn store_next(&mut self, _: &Agreed) -> Result<(), StoreError> {
+    fn store_agreed(&mut self, _: &PinnedPeer, _: &Agreed) -> Result<(), StoreError> {
         self.0 += 1;
         Ok(())
     }

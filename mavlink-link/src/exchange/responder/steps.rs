@@ -269,10 +269,9 @@ impl<A: Copy + Eq + Hash> Responder<A> {
             counter: *counter,
         };
         // On disk before step 4: the initiator must not rely on a key that a restart here would forget.
-        let stored = store
-            .store_peer(&peer)
-            .and_then(|()| store.store_next(&derived.0));
-        stored.map_err(|cause| self.not_stored(cause))?;
+        store
+            .store_agreed(&peer, &derived.0)
+            .map_err(|cause| self.not_stored(cause))?;
         let Some(HalfOpen {
             answer,
             waits_for: WaitsFor::Proof(derived, _),
@@ -330,10 +329,9 @@ impl<A: Copy + Eq + Hash> Responder<A> {
         let counter = theirs.counter;
         let peer = PinnedPeer { key, counter };
         // On disk before step 4, as in suite 1.
-        let stored = store
-            .store_peer(&peer)
-            .and_then(|()| store.store_next(&agreed));
-        stored.map_err(|cause| self.not_stored(cause))?;
+        store
+            .store_agreed(&peer, &agreed)
+            .map_err(|cause| self.not_stored(cause))?;
         self.pairing = None;
         self.note(ResponderEvent::Paired { peer: key });
         self.complete(arrival, confirm, &answer, peer, &agreed, confirmation)

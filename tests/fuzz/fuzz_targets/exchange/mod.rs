@@ -59,10 +59,7 @@ impl ResponderStore for Disk {
         self.next = None;
         Ok(())
     }
-    fn store_peer(&mut self, _: &PinnedPeer) -> Result<(), StoreError> {
-        self.write()
-    }
-    fn store_next(&mut self, agreed: &Agreed) -> Result<(), StoreError> {
+    fn store_agreed(&mut self, _: &PinnedPeer, agreed: &Agreed) -> Result<(), StoreError> {
         self.keep(agreed)
     }
 }
