@@ -29,9 +29,9 @@ pub(super) struct Situation<'a> {
     /// The last commanded pointing mode, and the one that the gimbal has shown.
     pub(super) mode: Pointing,
     pub(super) shown: Pointing,
-    /// A zoom was commanded, but no stop yet.
+    /// A zoom was commanded; nothing that ends it has been shown or is in progress.
     pub(super) zooming: bool,
-    /// Its focus was set manually.
+    /// The same for a focus that was set manually.
     pub(super) by_hand: bool,
 }
 

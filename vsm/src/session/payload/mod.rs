@@ -25,14 +25,12 @@ use mapping::payload::{Equipment, StreamInformation};
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MavResult;
 use mavlink_link::service::command::{Event, Outcome, Ticket};
-use stanag_msgs::enums::{
-    AckType, EoirPointingMode, FocusType, SetFocus, SetZoom, StationBitmap1To16,
-};
+use stanag_msgs::enums::{AckType, EoirPointingMode, StationBitmap1To16};
 use stanag_msgs::{Id, Message};
 
 use self::discovery::Discovery;
 use self::judge::{Judged, Situation};
-use self::step::{Before, Drive, Motion, Order, Slew, Step, Zoom, request};
+use self::step::{Before, Drive, Focus, Motion, Order, Slew, Step, Zoom, request};
 use super::authority::rules::{Authority, Stations};
 use super::context::{self, Bounds, Origin};
 use super::effects::Effects;
@@ -59,9 +57,11 @@ struct State {
     /// The CUCS that last commanded it.
     by: Option<Id>,
     moving: Option<Moving>,
+    /// A zoom was commanded, and the camera has not shown its end.
     zooming: bool,
     /// A zoom of the previous holder must be stopped once the camera's queue has room.
     stops_zoom: bool,
+    /// The focus was set manually, and the camera has not accepted auto focus since.
     by_hand: bool,
 }
 
@@ -259,6 +259,12 @@ impl Payload {
         if !context.vehicle.live() {
             return Err("no data from the vehicle".to_owned());
         }
+        let in_progress = |ends: fn(Step) -> bool| {
+            let tasks = self.tasks.iter();
+            let of_station = tasks.filter(|task| task.station == equipment.number);
+            let mut steps = of_station.flat_map(|task| &task.steps);
+            steps.any(|step| ends(*step))
+        };
         let state = self.states.entry(equipment.number).or_default();
         let situation = Situation {
             station: Station::of(equipment, &context.vehicle.payloads, context.mono()),
@@ -272,8 +278,9 @@ impl Payload {
             },
             mode: state.commanded,
             shown: state.shown,
-            zooming: state.zooming,
-            by_hand: state.by_hand,
+            // A stop in progress is not sent again: a station may send all fields with every 19001. One that failed is.
+            zooming: state.zooming && !in_progress(Step::ends_zoom),
+            by_hand: state.by_hand && !in_progress(Step::ends_manual_focus),
         };
         let steers = matches!(message, Message::PayloadSteeringCommand(_));
         let Judged { steps, mode } = match message {
@@ -293,19 +300,15 @@ impl Payload {
         }
         // Motions of this station end once this CUCS no longer holds it (`end_with_holder`).
         state.by = Some(by);
-        if let Message::PayloadSteeringCommand(m) = message {
-            state.zooming = match m.set_zoom {
-                Some(SetZoom::ZoomIn | SetZoom::ZoomOut) => true,
-                None => state.zooming,
-                _ => false,
-            };
+        for step in &steps {
+            // What ends a zoom or a manual focus counts once it is shown (`Task::advance`): it may fail.
+            match step {
+                Step::Zoom(Zoom::In | Zoom::Out) => state.zooming = true,
+                Step::Focus(Focus::Closer | Focus::Farther) => state.by_hand = true,
+                _ => {}
+            }
             // The stop of an earlier zoom would end the newer one.
-            state.stops_zoom &= m.set_zoom.is_none();
-            state.by_hand = match (m.set_focus, m.focus_type) {
-                (Some(SetFocus::FocusCloser | SetFocus::FocusFarther), _) => true,
-                (_, Some(FocusType::Auto)) => false,
-                _ => state.by_hand,
-            };
+            state.stops_zoom &= step.drive() != Some(Drive::Zoom);
         }
         if let Some(mode) = mode {
             state.commanded = mode;
@@ -661,6 +664,8 @@ impl Task {
                     let next = running.ask_at;
                     state.moving = Some(Moving { motion, next });
                 }
+                state.zooming &= !step.ends_zoom();
+                state.by_hand &= !step.ends_manual_focus();
                 self.steps.pop_front();
                 self.running = None;
                 continue;

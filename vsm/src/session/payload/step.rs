@@ -139,6 +139,16 @@ impl Step {
         }
     }
 
+    /// Whether a continuing zoom is over once this is shown.
+    pub(super) fn ends_zoom(self) -> bool {
+        matches!(self, Step::Zoom(Zoom::Stop | Zoom::Field { .. }))
+    }
+
+    /// Whether a manual focus is over once this is shown.
+    pub(super) fn ends_manual_focus(self) -> bool {
+        self == Step::Focus(Focus::Auto)
+    }
+
     /// The motion that continues after it.
     pub(super) fn motion(self) -> Option<Motion> {
         match self {

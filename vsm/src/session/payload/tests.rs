@@ -10,7 +10,7 @@ use mavlink_link::dialect::{
 };
 use mavlink_link::service::Node;
 use mavlink_link::service::command::Command;
-use stanag_msgs::enums::{EoirSystemMode, LaserRfCmd, LoiBitmap};
+use stanag_msgs::enums::{EoirSystemMode, FocusType, LaserRfCmd, LoiBitmap, SetFocus, SetZoom};
 use stanag_msgs::messages::{EoIrLaserPayloadCommand, PayloadSteeringCommand};
 use stanag_msgs::{Bam16, Bam32, Scaled};
 
@@ -125,6 +125,10 @@ impl Scene {
 
     /// The commands that were sent to a component, each answered as accepted.
     fn accept(&mut self, component: u8) -> Vec<MavCmd> {
+        self.answer(component, MavResult::MAV_RESULT_ACCEPTED)
+    }
+
+    fn answer(&mut self, component: u8, result: MavResult) -> Vec<MavCmd> {
         let mut sent = Vec::new();
         let now = self.world.now.mono;
         let client = self.world.services.commands_to(component);
@@ -137,7 +141,7 @@ impl Scene {
             };
             let ack = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
                 command,
-                result: MavResult::MAV_RESULT_ACCEPTED,
+                result,
                 target_system: 245,
                 target_component: 190,
                 ..COMMAND_ACK_DATA::default()
@@ -731,6 +735,94 @@ fn a_zoom_whose_stop_finds_a_full_queue_is_stopped_later_and_is_not_inherited() 
     let sent: Vec<MavCmd> = (0..64).flat_map(|_| scene.accept(CAMERA)).collect();
     assert_eq!(sent, [MavCmd::MAV_CMD_SET_CAMERA_ZOOM]);
     assert!(!scene.machine.states[&1].stops_zoom);
+}
+
+/// Zooms in, until the camera has shown it.
+fn zooming(scene: &mut Scene) {
+    scene.accept(CAMERA);
+    assert_eq!(scene.command(zoom(SetZoom::ZoomIn)), [AckType::Received]);
+    scene.accept(CAMERA);
+    scene.later(0.5);
+    scene.report(CAMERA, settings(30.0));
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    scene.accept(CAMERA);
+}
+
+#[test]
+fn a_stop_of_a_zoom_that_failed_is_sent_again_and_one_in_progress_is_not() {
+    let mut scene = Scene::new();
+    zooming(&mut scene);
+    let stop = || zoom(SetZoom::NoChange);
+    assert_eq!(scene.command(stop()), [AckType::Received]);
+    // It is in progress: a station that sends all fields repeats it with every command.
+    assert_eq!(scene.command(stop()), [AckType::CarriedOut]);
+    let denied = MavResult::MAV_RESULT_DENIED;
+    let sent = scene.answer(CAMERA, denied);
+    assert_eq!(sent, [MavCmd::MAV_CMD_SET_CAMERA_ZOOM]);
+    assert_eq!(scene.answers(), [AckType::Refused]);
+
+    assert_eq!(scene.command(stop()), [AckType::Received]);
+    assert_eq!(
+        scene.accept(CAMERA),
+        [MavCmd::MAV_CMD_SET_CAMERA_ZOOM],
+        "again"
+    );
+    for _ in 0..2 {
+        scene.later(0.5);
+        scene.report(CAMERA, settings(31.0));
+    }
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    assert_eq!(scene.command(stop()), [AckType::CarriedOut], "it is so");
+}
+
+#[test]
+fn a_zoom_ends_with_the_right_also_while_its_stop_is_not_confirmed() {
+    let mut scene = Scene::new();
+    zooming(&mut scene);
+    scene.command(zoom(SetZoom::NoChange));
+    scene.answer(CAMERA, MavResult::MAV_RESULT_DENIED);
+    scene.rights = Authority::default();
+    scene.handle(Input::Poll);
+    assert_eq!(scene.accept(CAMERA), [MavCmd::MAV_CMD_SET_CAMERA_ZOOM]);
+}
+
+#[test]
+fn what_commands_no_zoom_leaves_the_stop_of_the_previous_holder() {
+    let mut scene = Scene::new();
+    scene.accept(CAMERA);
+    let now = scene.world.now.mono;
+    let client = scene.world.services.commands_to(CAMERA);
+    while client.submit(now, request(259)).is_ok() {}
+    scene.machine.states.entry(1).or_default().stops_zoom = true;
+    for no_zoom in [SetZoom::NoChange, SetZoom::UseFieldsOfView] {
+        assert_eq!(scene.command(zoom(no_zoom)), [AckType::CarriedOut]);
+        assert!(scene.machine.states[&1].stops_zoom);
+    }
+}
+
+#[test]
+fn auto_focus_that_failed_is_commanded_again() {
+    let mut scene = Scene::new();
+    let MavMessage::CAMERA_INFORMATION(mut known) = camera() else {
+        unreachable!("its own message")
+    };
+    known.flags |= CameraCapFlags::CAMERA_CAP_FLAGS_HAS_BASIC_FOCUS;
+    scene.report(CAMERA, MavMessage::CAMERA_INFORMATION(known));
+    scene.accept(CAMERA);
+    scene.machine.states.entry(1).or_default().by_hand = true;
+    let auto = || PayloadSteeringCommand {
+        set_focus: Some(SetFocus::NoChange),
+        focus_type: Some(FocusType::Auto),
+        ..zoom(SetZoom::NoChange)
+    };
+    let focus = [MavCmd::MAV_CMD_SET_CAMERA_FOCUS];
+    assert_eq!(scene.command(auto()), [AckType::Received]);
+    assert_eq!(scene.answer(CAMERA, MavResult::MAV_RESULT_DENIED), focus);
+    assert_eq!(scene.answers(), [AckType::Refused]);
+    assert_eq!(scene.command(auto()), [AckType::Received]);
+    assert_eq!(scene.accept(CAMERA), focus);
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    assert_eq!(scene.command(auto()), [AckType::CarriedOut], "it is so");
 }
 
 #[test]
