@@ -60,7 +60,7 @@ pub struct MissionProgress {
 /// A circle that a multicopter flies (ORBIT_EXECUTION_STATUS).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orbit {
-    /// Its centre, at the altitude that is flown.
+    /// Its centre, at the altitude that the vehicle is set to at this moment: on the way to the circle not the commanded one.
     pub centre: Place,
     /// Metres; negative where it turns counter-clockwise.
     pub radius_m: f64,

@@ -138,6 +138,19 @@ fn a_speed_on_a_circle_is_flown_before_it_is_acknowledged() {
         assert_eq!(after.commanded_altitude, before.commanded_altitude);
         assert_eq!(rig.truth().mode, px4_sim::Mode::Orbit);
     }
+    // The same circle at another altitude; on the way there another speed keeps that altitude.
+    rig.done(VehicleOperatingModeCommand {
+        altitude_command_type: Some(AltitudeCommandType::Altitude),
+        commanded_altitude: Some(Scaled::saturating_from_si(50.0)),
+        altitude_type: Some(AltitudeType::Agl),
+        ..there(40.0, 0.0)
+    });
+    let height = |rig: &Rig| -rig.truth().position.d;
+    assert!(height(&rig) < 45.0, "on the way: {}", height(&rig));
+    rig.done(at_speed(Mode::Loiter, 3.0));
+    assert!(rig.until(60.0, |rig| (height(rig) - 50.0).abs() < 1.0));
+    rig.run(5.0);
+    assert!((height(&rig) - 50.0).abs() < 1.0, "{}", height(&rig));
     // PX4 would fly no faster than the circle allows.
     let end = rig.carry_out(at_speed(Mode::Loiter, 8.0));
     assert_eq!(end, Some(AckType::Refused));

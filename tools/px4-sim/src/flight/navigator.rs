@@ -152,6 +152,13 @@ impl Navigator {
         self.orbit
     }
 
+    /// The centre of the figure eight that is flown.
+    pub(crate) fn eight(&self) -> Option<Ned> {
+        let loiters = self.active == Some(Mode::Loiter);
+        let reposition = self.reposition.filter(|_| loiters)?;
+        reposition.eight.map(|_| self.hold)
+    }
+
     /// DO_CHANGE_SPEED by command: for the mode that is active.
     pub(crate) fn set_speed(&mut self, speed: Option<f64>) {
         self.speed = speed;

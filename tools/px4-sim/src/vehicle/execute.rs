@@ -486,6 +486,8 @@ impl Vehicle {
             });
             return Answer::Accepted;
         }
+        // On a circle, what is not given stays (FlightTaskOrbit::applyCommandParameters).
+        let flown = (self.navigator.orbit()).filter(|_| self.commander.mode() == Mode::Orbit);
         if !self.request(Mode::Orbit, false) {
             self.texts
                 .queue(MavSeverity::MAV_SEVERITY_CRITICAL, "Orbit command rejected");
@@ -501,7 +503,7 @@ impl Vehicle {
         let requested = c.given(2).unwrap_or(1.0);
         let speed = requested.abs().min((2.0 * radius.abs()).sqrt());
         self.navigator.set_orbit(Circle {
-            centre: target.or(self.believed()),
+            centre: target.or(flown.map_or(self.believed(), |circle| circle.centre)),
             radius: if requested < 0.0 { -radius } else { radius },
             speed,
         });

@@ -323,7 +323,11 @@ impl Vehicle {
             .navigator
             .orbit()
             .filter(|_| self.commander.mode() == Mode::Orbit)?;
-        let at = self.frame.to_global(orbit.centre);
+        // The altitude is the set point of this moment, as of FlightTaskOrbit::sendTelemetry.
+        let at = self.frame.to_global(Ned {
+            d: self.body.setpoint().position.d,
+            ..orbit.centre
+        });
         Some(mav::ORBIT_EXECUTION_STATUS_DATA {
             time_usec: self.boot_us(),
             radius: orbit.radius as f32,

@@ -100,7 +100,8 @@ impl Vehicle {
         }
         self.target = match &guidance {
             Guidance::Leg(leg) | Guidance::Climb(leg) | Guidance::Land(leg) => leg.target,
-            Guidance::Circle(circle) => circle.centre,
+            // The centre of a whole eight, not of the end that is flown now.
+            Guidance::Circle(circle) => self.navigator.eight().unwrap_or(circle.centre),
             Guidance::Ground | Guidance::Steer { .. } => self.body.setpoint().position,
         };
         let error = self.estimator.position_error();

@@ -17,8 +17,12 @@ pub(crate) enum Confirmation {
     Disarmed,
     /// Off the ground.
     OffTheGround,
-    /// It flies this circle: centre, and radius, negative counter-clockwise.
-    Orbit { centre: (f64, f64), radius_m: f64 },
+    /// It flies this circle: centre, radius, negative counter-clockwise, and its altitude if one was commanded.
+    Orbit {
+        centre: (f64, f64),
+        radius_m: f64,
+        climb: Option<Climb>,
+    },
     /// It flies about as fast as this, m/s over ground.
     Speed(f64),
     /// It flies about this course over ground, rad from true north.
@@ -30,6 +34,24 @@ pub(crate) enum Confirmation {
         place: Option<(f64, f64)>,
         amsl_m: Option<f64>,
     },
+}
+
+/// A commanded altitude, and that of the vehicle when it was commanded, m above mean sea level.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Climb {
+    pub(crate) from_m: f64,
+    pub(crate) to_m: f64,
+}
+
+impl Climb {
+    /// Whether a set point of this altitude shows it: there, or on its way.
+    ///
+    /// While a multicopter approaches its circle, PX4 reports the altitude that it is set to at that moment, which reaches
+    /// the commanded one only at the end (FlightTaskOrbit): waiting for that could take minutes.
+    fn is_shown_by(self, amsl_m: f64) -> bool {
+        let (all, left) = (self.to_m - self.from_m, self.to_m - amsl_m);
+        left.abs() < TARGET_SLACK_M || left.abs() + BEGUN_M < all.abs()
+    }
 }
 
 impl Confirmation {
@@ -50,10 +72,16 @@ impl Confirmation {
             }
             Confirmation::OffTheGround => telemetry.airborne(),
             // PX4 accepts circles that it then does not fly: ORBIT_EXECUTION_STATUS shows the one that is flown.
-            Confirmation::Orbit { centre, radius_m } => telemetry.orbit.is_some_and(|orbit| {
+            Confirmation::Orbit {
+                centre,
+                radius_m,
+                climb,
+            } => telemetry.orbit.is_some_and(|orbit| {
                 let flown = (orbit.centre.latitude, orbit.centre.longitude);
                 metres(*centre, flown) < TARGET_SLACK_M
                     && (orbit.radius_m - radius_m).abs() < RADIUS_SLACK_M
+                    // The same circle at another altitude is another one.
+                    && climb.is_none_or(|climb| climb.is_shown_by(orbit.centre.amsl_m))
             }),
             Confirmation::Speed(wanted) => telemetry
                 .groundspeed
@@ -93,7 +121,11 @@ impl Confirmation {
             Confirmation::Armed => "armed motors".to_owned(),
             Confirmation::Disarmed => "disarmed motors".to_owned(),
             Confirmation::OffTheGround => "that it has left the ground".to_owned(),
-            Confirmation::Orbit { .. } => "that it flies the commanded circle".to_owned(),
+            Confirmation::Orbit { climb, .. } => {
+                let level = climb.map(|climb| format!(" at {:.0} m above sea level", climb.to_m));
+                let level = level.unwrap_or_default();
+                format!("that it flies the commanded circle{level}")
+            }
             Confirmation::Speed(wanted) => {
                 let flown = vehicle.telemetry.groundspeed.unwrap_or(0.0);
                 format!("{wanted:.1} m/s, it flies {flown:.1}")
@@ -133,3 +165,48 @@ const COURSE_SLACK: f64 = 0.1;
 const SLOWEST_M_S: f64 = 2.0;
 /// Tolerance of a set point, m.
 const TARGET_SLACK_M: f64 = 2.0;
+/// So much nearer to its altitude a climb or a descent has begun, m.
+const BEGUN_M: f64 = 1.0;
+
+#[cfg(test)]
+mod tests {
+    use mapping::telemetry::Orbit;
+
+    use super::*;
+    use crate::session::testing::World;
+
+    #[test]
+    fn a_circle_at_another_altitude_is_not_the_commanded_one() {
+        let mut vehicle = World::new().vehicle;
+        let mut shown = |amsl_m: f64, climb: Option<Climb>| {
+            vehicle.telemetry.orbit = Some(Orbit {
+                centre: Place {
+                    latitude: 47.4,
+                    longitude: 8.5,
+                    amsl_m,
+                },
+                radius_m: 30.0,
+            });
+            let circle = Confirmation::Orbit {
+                centre: (47.4, 8.5),
+                radius_m: 30.0,
+                climb,
+            };
+            circle.is_seen(&vehicle)
+        };
+        let (from_m, to_m) = (500.0, 550.0);
+        let climb = Some(Climb { from_m, to_m });
+        assert!(!shown(500.0, climb), "it still flies the circle before");
+        assert!(!shown(480.0, climb), "the other way");
+        assert!(shown(502.0, climb), "on its way");
+        assert!(shown(549.0, climb));
+        assert!(!shown(600.0, climb), "above it");
+        assert!(shown(600.0, None), "no altitude is commanded");
+        let descent = Some(Climb {
+            from_m: to_m,
+            to_m: from_m,
+        });
+        assert!(!shown(550.0, descent));
+        assert!(shown(548.0, descent));
+    }
+}

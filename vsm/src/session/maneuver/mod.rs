@@ -9,7 +9,7 @@
 mod confirmation;
 mod step;
 
-pub(crate) use confirmation::Confirmation;
+pub(crate) use confirmation::{Climb, Confirmation};
 pub(crate) use step::{
     Step, arm, change_altitude, change_speed, climbed, course, disarm, enter, figure_eight,
     go_around, launch, launch_vtol, launch_wing, mode_after, orbit, reposition, set_mode,
@@ -441,8 +441,12 @@ impl Maneuver {
             | Confirmation::Disarmed
             | Confirmation::OffTheGround
             | Confirmation::Orbit { .. }
-            | Confirmation::Hovers(_)
-            | Confirmation::Target { .. } => true,
+            | Confirmation::Hovers(_) => true,
+            // On wings another circle or eight may have been flown at the same place.
+            Confirmation::Target { .. } => !matches!(
+                command.command,
+                MavCmd::MAV_CMD_DO_ORBIT | MavCmd::MAV_CMD_DO_FIGURE_EIGHT
+            ),
             // Their tolerance is wide, so the vehicle may have shown them before the command.
             Confirmation::Speed(_) | Confirmation::Course(_) => false,
         };

@@ -7,7 +7,7 @@ use mapping::mode::Px4Mode;
 use mavlink_link::dialect::{MavCmd, MavFrame};
 use mavlink_link::service::command::{Command, Payload, Repetition};
 
-use super::Confirmation;
+use super::{Climb, Confirmation};
 
 /// One step of a maneuver.
 #[derive(Debug, Clone, PartialEq)]
@@ -274,7 +274,7 @@ pub(crate) fn figure_eight(
     place: (f64, f64),
     amsl_m: f64,
     [half_m, radius_m, bearing_rad]: [Option<f64>; 3],
-) -> [Step; 2] {
+) -> [Step; 3] {
     let or_own = |value: Option<f64>| value.map_or(f32::NAN, |value| value as f32);
     let params = [or_own(half_m), or_own(radius_m), 0.0, or_own(bearing_rad)];
     let command = at_place(MavCmd::MAV_CMD_DO_FIGURE_EIGHT, params, Some(place), amsl_m);
@@ -288,7 +288,20 @@ pub(crate) fn figure_eight(
             confirmation: Confirmation::Mode(&[Px4Mode::LOITER]),
             within: STATE_WITHIN,
         },
+        Step::Confirm {
+            confirmation: target(place, Some(amsl_m)),
+            within: STATE_WITHIN,
+        },
     ]
+}
+
+/// What a fixed wing shows of a circle or an eight. AUTO.LOITER alone proves nothing: PX4 accepts one outside its geofence,
+/// and continues the loiter before.
+fn target(place: (f64, f64), amsl_m: Option<f64>) -> Confirmation {
+    Confirmation::Target {
+        place: Some(place),
+        amsl_m,
+    }
 }
 
 /// A COMMAND_INT at a place and altitude; INT32_MAX means no place.
@@ -389,17 +402,21 @@ pub(crate) fn shows_speed(speed_m_s: f64) -> Step {
 }
 
 /// MAV_CMD_DO_ORBIT around a place; a negative radius is flown counter-clockwise. Enters ORBIT on a multicopter, whose
-/// ORBIT_EXECUTION_STATUS shows the circle, AUTO.LOITER on a fixed wing.
+/// ORBIT_EXECUTION_STATUS shows the circle, AUTO.LOITER on a fixed wing. Without a `climb` a multicopter keeps the altitude
+/// that was commanded for its present circle.
 pub(crate) fn orbit(
     place: (f64, f64),
-    amsl_m: f64,
+    climb: Option<Climb>,
     radius_m: f64,
     speed_m_s: Option<f64>,
     hovers: bool,
 ) -> Vec<Step> {
     let speed = speed_m_s.map_or(f32::NAN, |speed| speed as f32);
     let params = [radius_m as f32, speed, 0.0, f32::NAN];
-    let command = at_place(MavCmd::MAV_CMD_DO_ORBIT, params, Some(place), amsl_m);
+    let amsl_m = climb.map(|climb| climb.to_m);
+    // PX4 keeps what is NaN (FlightTaskOrbit::applyCommandParameters).
+    let or_kept = amsl_m.unwrap_or(f64::NAN);
+    let command = at_place(MavCmd::MAV_CMD_DO_ORBIT, params, Some(place), or_kept);
     const FLOWN: &[Px4Mode] = &[Px4Mode::ORBIT];
     const WINGED: &[Px4Mode] = &[Px4Mode::LOITER];
     let mut steps = vec![
@@ -413,15 +430,19 @@ pub(crate) fn orbit(
             within: STATE_WITHIN,
         },
     ];
-    if hovers {
-        steps.push(Step::Confirm {
-            confirmation: Confirmation::Orbit {
-                centre: place,
-                radius_m,
-            },
-            within: STATE_WITHIN,
-        });
-    }
+    let confirmation = if hovers {
+        Confirmation::Orbit {
+            centre: place,
+            radius_m,
+            climb,
+        }
+    } else {
+        target(place, amsl_m)
+    };
+    steps.push(Step::Confirm {
+        confirmation,
+        within: STATE_WITHIN,
+    });
     steps
 }
 

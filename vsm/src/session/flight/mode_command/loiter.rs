@@ -16,7 +16,7 @@ use crate::session::flight::situation::{
     Situation, Task, altitude, checked_level, flown_as, names_mode, place, speed, steps_to_waypoint,
 };
 use crate::session::flight::wings;
-use crate::session::maneuver::{self, Step};
+use crate::session::maneuver::{self, Climb, Step};
 
 /// A partly composed loiter.
 struct Draft {
@@ -205,7 +205,11 @@ fn go(
                 draft.commanded.speed_m_s = speed;
                 draft.commanded.speed_type = speed.map(|_| SpeedType::Ground);
             }
-            let steps = maneuver::orbit(place, amsl_m, turn, speed, hovers);
+            let climb = Climb {
+                from_m: present.amsl_m,
+                to_m: amsl_m,
+            };
+            let steps = maneuver::orbit(place, Some(climb), turn, speed, hovers);
             draft.steps.extend(steps);
         }
         _ => {
@@ -227,8 +231,8 @@ fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, Str
         .ok_or("the vehicle has not reported the circle that it flies")?;
     within_the_circle(Some(speed_m_s), orbit.radius_m.abs())?;
     let centre = (orbit.centre.latitude, orbit.centre.longitude);
-    let amsl_m = orbit.centre.amsl_m;
-    let mut steps = maneuver::orbit(centre, amsl_m, orbit.radius_m, Some(speed_m_s), true);
+    // The reported altitude is that of this moment: on the way to its circle, commanding it would end the climb there.
+    let mut steps = maneuver::orbit(centre, None, orbit.radius_m, Some(speed_m_s), true);
     steps.push(maneuver::shows_speed(speed_m_s));
     Ok(steps)
 }
