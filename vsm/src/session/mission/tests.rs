@@ -494,6 +494,30 @@ fn a_cancel_ends_a_download_and_what_was_sent_is_not_loaded_by_the_next_13000() 
 }
 
 #[test]
+fn a_cancelled_clearing_leaves_no_route_that_counts_as_uploaded() {
+    let (mut world, mut mission) = ready();
+    let items = compiled(&mut world, &mission);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    let id = transferred(&mut world, &mut mission, MISSION, &items);
+    world.vehicle.telemetry.mission = named(id, 0);
+    handle(&mut world, &mut mission, Input::Advance);
+    assert!(mission.store.uploaded.is_some());
+
+    command(&mut world, &mut mission, transfer(Mode::Clear));
+    assert_eq!(world.services.missions.busy(), Some(Operation::Clear));
+    world.sent_to(0);
+    command(&mut world, &mut mission, transfer(Mode::Cancel));
+    let (progress, _) = reports(&mut world);
+    assert_eq!(progress, [(Status::Aborted, 0), (Status::Complete, 100)]);
+    // MISSION_CLEAR_ALL was sent: the vehicle may hold nothing. What was loaded can be uploaded again.
+    assert!(mission.store.uploaded.is_none());
+    assert!(mission.store.loaded.is_some());
+    let mut after = Mission::new(Vec::new(), Vec::new());
+    world.act(|_, _, effects| after.store.restore(effects).expect("it is read"));
+    assert!(after.store.uploaded.is_none());
+}
+
+#[test]
 fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
     let mut world = World::new();
     let circle = Area {

@@ -10,7 +10,7 @@ use mapping::plan::Plan;
 use mapping::route::{CompiledMission, Site};
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::command;
-use mavlink_link::service::mission::{self, Failure, MavMissionType};
+use mavlink_link::service::mission::{self, MavMissionType};
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AckType, FlightPathControlMode, MissionPlanMode as Mode, RouteType};
 use stanag_msgs::messages::{MissionTransferCommand, UaRoute, VehicleOperatingModeCommand};
@@ -277,7 +277,11 @@ impl Transfers {
                     store.forget_uploaded(effects);
                 }
             }
-            Work::Clear { upload, .. } => upload.cancel(effects.vehicle),
+            Work::Clear { upload, .. } => {
+                upload.cancel(effects.vehicle);
+                // The vehicle was requested to clear at once, and its answer is not awaited.
+                store.forget_uploaded(effects);
+            }
         }
         load.end(None, why.to_owned(), effects);
     }
@@ -471,11 +475,8 @@ impl Transfers {
         if let Some(load) = self.load.take() {
             load.end(None, format!("clear: {}", fault.explain("plan")), effects);
         }
-        let cancelled = |reason: &Failure| *reason == Failure::Cancelled;
-        // After any other failure the vehicle may or may not have cleared its mission, so no route counts as uploaded.
-        if !matches!(fault, Fault::Service { reason, .. } if cancelled(reason)) {
-            store.forget_uploaded(effects);
-        }
+        // The vehicle may or may not have cleared its mission, so no route counts as uploaded.
+        store.forget_uploaded(effects);
     }
 
     /// Handles the result of a load.
