@@ -79,11 +79,12 @@ impl Download {
             return false;
         }
         self.next_at = context.mono() + DOWNLOAD_PAUSE;
-        let few = self.left.len().min(DOWNLOAD_BURST);
-        let Some(station) = context.stations.get(self.origin.station) else {
-            self.left.drain(..few);
-            return false;
+        let station = context.stations.get(self.origin.station);
+        // Removed from the configuration meanwhile: another station's download need not wait for this one.
+        let Some(station) = station.filter(|station| !station.removed) else {
+            return true;
         };
+        let few = self.left.len().min(DOWNLOAD_BURST);
         for message in self.left.drain(..few) {
             let message = restamped(message, effects.stamp(), station.id(), context.id());
             effects.send(self.origin.station, &message);

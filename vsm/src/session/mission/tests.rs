@@ -451,6 +451,30 @@ fn a_download_sends_eight_messages_and_pauses() {
 }
 
 #[test]
+fn a_download_ends_with_the_removal_of_its_station() {
+    for removed in [true, false] {
+        let (mut world, mut mission) = ready();
+        for number in 10..20 {
+            let waypoint = UaPositionWaypoint {
+                waypoint_number: Some(number),
+                ..UaPositionWaypoint::default()
+            };
+            command(&mut world, &mut mission, waypoint);
+        }
+        stored(&mut world, &mut mission);
+        command(&mut world, &mut mission, transfer(Mode::Download));
+        match removed {
+            true => world.stations[0].removed = true,
+            false => world.stations.clear(),
+        }
+        let due = mission.poll_timeout().expect("a pause");
+        world.advance(due.saturating_sub(world.now.mono));
+        handle(&mut world, &mut mission, Input::AdvanceDownload);
+        assert_eq!(mission.poll_timeout(), None);
+    }
+}
+
+#[test]
 fn a_cancel_ends_a_download_and_what_was_sent_is_not_loaded_by_the_next_13000() {
     let (mut world, mut mission) = ready();
     stored(&mut world, &mut mission);
