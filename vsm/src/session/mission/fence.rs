@@ -338,10 +338,13 @@ impl Fence {
 
     fn save(&self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let vehicle = effects.id;
-        let lines = |areas: &Areas| encode_messages(areas.messages(), Id::NULL, vehicle);
+        let lines = |areas: &Areas| {
+            encode_messages(areas.messages(), Id::NULL, vehicle)
+                .map_err(|cause| StoreError::new("areas", cause))
+        };
         let record = Record {
-            sent: lines(&self.sent),
-            loaded: lines(&self.loaded),
+            sent: lines(&self.sent)?,
+            loaded: lines(&self.loaded)?,
             wanted: self.kept.wanted,
         };
         effects.disk().save(&vehicle, &record)

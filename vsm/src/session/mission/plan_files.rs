@@ -139,9 +139,11 @@ impl PlanFiles {
         disk: &mut dyn Disk,
     ) -> Result<(), StoreError> {
         self.rewrite = true;
-        let bytes = record::encode_plan(received, cucs, vehicle);
+        let name = record_name(PLAN, vehicle);
+        let bytes = record::encode_plan(received, cucs, vehicle)
+            .map_err(|cause| StoreError::new(&name, cause))?;
         // Write the record before the log: if the process ends in between, the log belongs to another record and is ignored.
-        disk.replace(&record_name(PLAN, vehicle), &bytes, Durability::Process)?;
+        disk.replace(&name, &bytes, Durability::Process)?;
         self.heading = heading(&bytes);
         if self.log_heading.is_some() {
             match disk.remove(&log_name(vehicle)) {

@@ -11,7 +11,7 @@ use mapping::telemetry::Telemetry;
 use mavlink_link::service::mission::Item;
 use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::RouteType;
-use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, frames};
+use stanag_msgs::{EncodeError, Envelope, Id, MAX_DATAGRAM, Message, frames};
 
 use super::received::ReceivedPlan;
 use super::staged::StagedUpload;
@@ -101,20 +101,30 @@ struct OldUploadRecord {
 }
 
 /// The bytes of a plan's record.
-pub(super) fn encode_plan(received: &ReceivedPlan, cucs: Id, vehicle: Id) -> Vec<u8> {
+///
+/// # Errors
+/// A message of it cannot be encoded.
+pub(super) fn encode_plan(
+    received: &ReceivedPlan,
+    cucs: Id,
+    vehicle: Id,
+) -> Result<Vec<u8>, EncodeError> {
     let received = received.at_restart(vehicle);
     let lines = |plan: &Plan, cucs: Id| encode_messages(plan.messages(), cucs, vehicle);
-    to_json(&PlanRecord {
-        messages: lines(&received.stored, cucs),
-        staged: received.staged.map(|staged| StagedRecord {
+    let staged = received.staged.map(|staged| -> Result<_, EncodeError> {
+        Ok(StagedRecord {
             owner: staged.owner.0,
-            plan: lines(&staged.plan, staged.owner),
-            sent: lines(&staged.sent, staged.owner),
+            plan: lines(&staged.plan, staged.owner)?,
+            sent: lines(&staged.sent, staged.owner)?,
             failed: staged.failed,
-        }),
+        })
+    });
+    Ok(to_json(&PlanRecord {
+        messages: lines(&received.stored, cucs)?,
+        staged: staged.transpose()?,
         dropped: received.dropped,
         upload: None,
-    })
+    }))
 }
 
 /// Decodes the plan of a record; also returns its number of messages.
@@ -160,25 +170,31 @@ fn sources(line: &str) -> Result<Vec<Id>, RecordError> {
 }
 
 /// Messages of a record, one a line.
+///
+/// # Errors
+/// One of them cannot be encoded: a record without it would be another plan.
 pub(super) fn encode_messages(
     messages: impl Iterator<Item = Message>,
     cucs: Id,
     vehicle: Id,
-) -> Vec<String> {
+) -> Result<Vec<String>, EncodeError> {
     messages
-        .filter_map(|message| encode_message(&message, cucs, vehicle).ok())
+        .map(|message| encode_message(&message, cucs, vehicle))
         .collect()
 }
 
 /// A message as DLI bytes in hex.
+///
+/// # Errors
+/// It cannot be encoded.
 pub(super) fn encode_message(
     message: &Message,
     cucs: Id,
     vehicle: Id,
-) -> Result<String, RecordError> {
+) -> Result<String, EncodeError> {
     let mut bytes = [0; MAX_DATAGRAM];
     let envelope = Envelope::new(cucs, vehicle);
-    let length = message.encode(&envelope, &mut bytes).map_err(fault)?;
+    let length = message.encode(&envelope, &mut bytes)?;
     Ok(HEXLOWER.encode(bytes.get(..length).unwrap_or_default()))
 }
 
@@ -364,9 +380,15 @@ mod as_bits {
 }
 
 /// The bytes of an uploaded mission's record.
-pub(super) fn encode_uploaded(uploaded: &UploadedMission, vehicle: Id) -> Vec<u8> {
+///
+/// # Errors
+/// A message of its plan cannot be encoded.
+pub(super) fn encode_uploaded(
+    uploaded: &UploadedMission,
+    vehicle: Id,
+) -> Result<Vec<u8>, EncodeError> {
     let compiled = &uploaded.compiled;
-    to_json(&UploadedRecord {
+    Ok(to_json(&UploadedRecord {
         mission_id: uploaded.mission_id,
         mission_name: uploaded.mission_name.clone(),
         route_type: uploaded.route_type.raw(),
@@ -374,8 +396,8 @@ pub(super) fn encode_uploaded(uploaded: &UploadedMission, vehicle: Id) -> Vec<u8
         waypoint_of: compiled.waypoint_of.clone(),
         legs: compiled.order.iter().map(LegRecord::from).collect(),
         curved: compiled.curved,
-        messages: encode_messages(uploaded.plan.messages(), Id::NULL, vehicle),
-    })
+        messages: encode_messages(uploaded.plan.messages(), Id::NULL, vehicle)?,
+    }))
 }
 
 /// The uploaded mission of a record.
@@ -407,6 +429,9 @@ pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMissi
 
 #[cfg(test)]
 mod tests {
+    use stanag_msgs::messages::{FileTransferNotification, UaRoute};
+    use stanag_msgs::scalar::UnsizedText;
+
     use super::*;
 
     /// As written by earlier versions: an update must not lose a mission.
@@ -418,9 +443,26 @@ mod tests {
         let uploaded = decode_uploaded(RECORD.as_bytes(), vehicle).expect("it is read");
         assert!(uploaded.compiled.items[0].params[3].is_nan());
         assert_eq!(uploaded.compiled.order[0].level, Level::AboveHome(20.0));
-        let written = encode_uploaded(&uploaded, vehicle);
+        let written = encode_uploaded(&uploaded, vehicle).expect("it is encoded");
         assert_eq!(String::from_utf8_lossy(&written), RECORD);
         let without = RECORD.replace("\"above_home_m\":20.0", "\"above_home_m\":null");
         assert!(decode_uploaded(without.as_bytes(), vehicle).is_err());
+    }
+
+    #[test]
+    fn messages_of_which_one_cannot_be_encoded_make_no_record() {
+        let (cucs, vehicle) = (Id(0x1b00_00a0), Id(0x1b00_0101));
+        let encoded = |file_name| {
+            let route = UaRoute::default().into();
+            let notice = FileTransferNotification {
+                file_name,
+                ..FileTransferNotification::default()
+            };
+            encode_messages([route, notice.into()].into_iter(), cucs, vehicle)
+        };
+        assert_eq!(encoded(None).expect("both are encoded").len(), 2);
+        // No source gives the length of that field.
+        let fault = encoded(Some(UnsizedText)).expect_err("one is missing");
+        assert!(fault.to_string().contains("File Name"), "{fault}");
     }
 }

@@ -369,10 +369,13 @@ impl MissionStore {
     pub(super) fn save_uploaded(&self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let vehicle = effects.id;
         for (kind, route) in [(LOADED, &self.loaded), (UPLOADED, &self.uploaded)] {
-            let encoded = |route| record::encode_uploaded(route, vehicle);
-            // An empty record means no route: `restore` reads it as absent.
-            let bytes = route.as_ref().map_or_else(Vec::new, encoded);
             let name = record_name(kind, vehicle);
+            let encoded = |route| record::encode_uploaded(route, vehicle);
+            let encoded = route.as_ref().map(encoded).transpose();
+            // An empty record means no route: `restore` reads it as absent.
+            let bytes = encoded
+                .map_err(|cause| StoreError::new(&name, cause))?
+                .unwrap_or_default();
             // Rare enough to be synchronised; the messages of a plan are too many for that.
             effects.disk().replace(&name, &bytes, Durability::Power)?;
         }

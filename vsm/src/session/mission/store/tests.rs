@@ -284,7 +284,8 @@ fn a_record_of_before_the_log_is_read_and_a_log_of_another_record_is_not() {
     // An earlier version knows the record alone.
     let mut old = Plan::default();
     old.store(&waypoint(7, 0), CUCS, VEHICLE).expect("it fits");
-    let record = record::encode_plan(&ReceivedPlan::settled(old.clone()), CUCS, VEHICLE);
+    let record = record::encode_plan(&ReceivedPlan::settled(old.clone()), CUCS, VEHICLE)
+        .expect("it is encoded");
     let text = String::from_utf8_lossy(&record);
     assert!(!text.contains("staged") && !text.contains("dropped"));
     let mut disk = disk;
