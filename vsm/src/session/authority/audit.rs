@@ -121,7 +121,7 @@ pub enum Entry {
     Started(Vec<(Id, Rights)>),
     /// Rights changed hands.
     Change(Change),
-    /// The previous change could not be stored and is not in effect.
+    /// The changes of the previous decision could not be stored and are not in effect.
     NotKept,
     /// The first line of a log that follows another.
     Continued,

@@ -57,9 +57,12 @@ impl AuthorityMachine {
             };
         }
         let after = effects.disk().queued();
+        // Rights lost by silence or withdrawn by the configuration break no promise, and a restart would decide the same
+        // again. So a failing disk does not prevent the loss action.
+        let stands = of.cannot_wait();
         if changed {
             let stored = if self.unstored.len() < MAX_UNSTORED {
-                (self.record).store_decision(&self.decided, &decision, context, effects)
+                (self.record).store_decision(&self.decided, &decision, stands, context, effects)
             } else {
                 Err(record_fault(
                     "authority",
@@ -68,11 +71,14 @@ impl AuthorityMachine {
                 ))
             };
             if let Err(fault) = stored {
-                let text = format!("authority cannot be stored, nothing changes: {fault}");
+                let effect = if stands {
+                    "rights end all the same"
+                } else {
+                    "nothing changes"
+                };
+                let text = format!("authority cannot be stored, {effect}: {fault}");
                 effects.warn(Cause::Store, text);
-                // Rights lost by silence or withdrawn by the configuration break no promise, and a restart would decide the
-                // same again. So a failing disk does not prevent the loss action.
-                if !of.cannot_wait() {
+                if !stands {
                     // Do not grant a right that would not survive a restart.
                     self.decided = before;
                     return Answer::Refused {

@@ -124,27 +124,49 @@ pub(crate) struct KnownStation {
 }
 
 impl AuthorityRecord {
-    /// Stores a decision that results in `rights`: first its lines of the audit log, then the record.
+    /// Stores a decision that results in `rights`: first its lines of the audit logs, then the record.
     ///
     /// # Errors
-    /// It could not be stored and is not in effect: if possible, the audit log gets a line about that.
+    /// It could not be stored. Unless it `stands` all the same, each log with lines of it gets one that they are not in
+    /// effect: now, or before its next line.
     pub(super) fn store_decision(
         &mut self,
         rights: &Authority,
         decision: &Decision,
+        stands: bool,
         context: &Context<'_>,
         effects: &mut Effects<'_>,
     ) -> Result<(), StoreError> {
-        let since = self.since.clone();
+        let before = (self.since.clone(), self.repetitions.clone());
+        let mut logged = Vec::new();
+        let stored = self.write_decision(rights, decision, &mut logged, context, effects);
+        if stored.is_err() && !stands {
+            (self.since, self.repetitions) = before;
+            for kind in Kind::ALL.into_iter().filter(|kind| logged.contains(kind)) {
+                let (trail, at) = self.trail(kind, context);
+                trail.retract(&at, effects.disk());
+            }
+        }
+        stored
+    }
+
+    /// As [`AuthorityRecord::store_decision`], without what follows from a failure. Notes the logs that got lines.
+    fn write_decision(
+        &mut self,
+        rights: &Authority,
+        decision: &Decision,
+        logged: &mut Vec<Kind>,
+        context: &Context<'_>,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), StoreError> {
         let durability = durability(decision);
-        let mut logged = None;
         // Write the log before the record: a crash between them may leave an extra line, but never a change without its
         // line.
         for change in &decision.changes {
             let (kind, now) = (Kind::of(change), context.mono());
             if kind == Kind::Control || !self.repetitions.count(change, now) {
                 self.write_audit(kind, &Entry::Change(*change), durability, context, effects)?;
-                logged = logged.filter(|kind| *kind == Kind::Control).or(Some(kind));
+                logged.push(kind);
                 if kind == Kind::Monitors {
                     self.repetitions.written(change, now);
                 }
@@ -154,18 +176,7 @@ impl AuthorityRecord {
             }
         }
         self.since.retain(|id, _| !rights.held(*id).is_empty());
-        let stored = self.store(rights, durability, context, effects);
-        match &stored {
-            Ok(()) => {}
-            Err(_) => {
-                self.since = since;
-                if let Some(kind) = logged {
-                    // The log already has the changes: it must also record that they are not in effect.
-                    self.write_audit(kind, &Entry::NotKept, Durability::Power, context, effects)?;
-                }
-            }
-        }
-        stored
+        self.store(rights, durability, context, effects)
     }
 
     /// Stores whether the silence of a holder counts (it has sent heartbeats), and its proven address. After a restart its
@@ -361,6 +372,11 @@ impl AuthorityRecord {
         context: &Context<'_>,
         effects: &mut Effects<'_>,
     ) -> Result<(), StoreError> {
+        let (trail, at) = self.trail(kind, context);
+        trail.write(entry, durability, &at, effects.disk())
+    }
+
+    fn trail(&mut self, kind: Kind, context: &Context<'_>) -> (&mut Trail, Place<'_>) {
         let at = Place {
             vehicle: context.id(),
             wall: context.now.wall,
@@ -370,7 +386,7 @@ impl AuthorityRecord {
             Kind::Control => &mut self.control,
             Kind::Monitors => &mut self.monitors,
         };
-        trail.write(entry, durability, &at, effects.disk())
+        (trail, at)
     }
 }
 
@@ -421,3 +437,101 @@ pub(super) fn durability(decision: &Decision) -> Durability {
 
 /// Maximum number of messages of one station that wait for a decision about a vehicle.
 const MAX_WAITING: usize = 16;
+
+#[cfg(test)]
+mod tests {
+    use mavlink_link::store::MemoryDisk;
+    use stanag_msgs::enums::LoiBitmap;
+
+    use super::super::rules::Reason;
+    use super::*;
+    use crate::session::testing::{CUCS, VEHICLE, World};
+
+    fn gains(gained: Rights) -> Change {
+        Change {
+            from: None,
+            lost: Rights::NONE,
+            to: Some(CUCS),
+            gained,
+            why: Reason::Requested,
+        }
+    }
+
+    /// A decision with lines in both logs.
+    fn of_both() -> Decision {
+        Decision {
+            changes: vec![
+                gains(Rights::of_control(LoiBitmap::LOI4)),
+                gains(Rights::monitor()),
+            ],
+            ..Decision::default()
+        }
+    }
+
+    fn disk(full: Option<&'static str>) -> MemoryDisk {
+        MemoryDisk {
+            full,
+            ..MemoryDisk::default()
+        }
+    }
+
+    fn store(world: &mut World, record: &mut AuthorityRecord, stands: bool) {
+        let stored = world.act(|context, _, effects| {
+            let rights = Authority::default();
+            record.store_decision(&rights, &of_both(), stands, &context, effects)
+        });
+        stored.expect_err("the disk is full");
+    }
+
+    /// Whether each line of a log is a retraction.
+    fn lines(world: &mut World, kind: Kind) -> Vec<bool> {
+        world.act(|context, _, effects| {
+            let bytes = effects.disk().read(&kind.file(context.id()), 1 << 20);
+            let bytes = bytes.expect("it is read").unwrap_or_default();
+            let text = String::from_utf8_lossy(&bytes);
+            text.lines().map(|line| line.contains("not kept")).collect()
+        })
+    }
+
+    #[test]
+    fn both_logs_record_that_a_decision_is_not_in_effect() {
+        for stands in [false, true] {
+            let (mut world, mut record) = (World::new(), AuthorityRecord::default());
+            world.disk = Box::new(disk(Some("authority")));
+            store(&mut world, &mut record, stands);
+            let expected: &[bool] = if stands { &[false] } else { &[false, true] };
+            for kind in Kind::ALL {
+                assert_eq!(lines(&mut world, kind), expected, "{}", kind.name());
+            }
+        }
+    }
+
+    #[test]
+    fn a_retraction_that_finds_no_room_comes_before_the_next_line() {
+        let (mut world, mut record) = (World::new(), AuthorityRecord::default());
+        // The line of the control log is written, that of the monitors' log is not.
+        world.disk = Box::new(disk(Some("audit-monitors")));
+        store(&mut world, &mut record, false);
+        assert_eq!(lines(&mut world, Kind::Control), [false, true]);
+        assert!(lines(&mut world, Kind::Monitors).is_empty());
+
+        let (mut world, mut record) = (World::new(), AuthorityRecord::default());
+        world.disk = Box::new(disk(None));
+        let at = Place {
+            vehicle: VEHICLE,
+            wall: world.now.wall,
+            key: None,
+        };
+        let change = Entry::Change(gains(Rights::of_control(LoiBitmap::LOI4)));
+        let (trail, power) = (&mut record.control, Durability::Power);
+        trail
+            .write(&change, power, &at, &mut *world.disk)
+            .expect("written");
+        let mut full = disk(Some(""));
+        trail.retract(&at, &mut full);
+        trail
+            .write(&change, power, &at, &mut *world.disk)
+            .expect("written");
+        assert_eq!(lines(&mut world, Kind::Control), [false, true, false]);
+    }
+}

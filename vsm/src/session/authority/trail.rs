@@ -277,6 +277,8 @@ pub(super) struct Trail {
     chain: Chain,
     /// Length of the file that is being written; 0 before its first line.
     bytes: usize,
+    /// Its last changes are not in effect, and no line says so yet.
+    retracts: bool,
 }
 
 impl Trail {
@@ -285,6 +287,7 @@ impl Trail {
             kind,
             chain: Chain::default(),
             bytes: 0,
+            retracts: false,
         }
     }
 
@@ -316,11 +319,37 @@ impl Trail {
         key.is_some() && self.chain.lines() > 0 && self.chain.keyed().is_none()
     }
 
-    /// Writes one line, preceded by the lines that begin a file or the use of a key if needed.
+    /// The changes that were written last are not in effect: writes a line about that, now or before the next one.
+    pub(super) fn retract(&mut self, at: &Place<'_>, disk: &mut dyn Disk) {
+        self.retracts = true;
+        // The disk has just refused another write, of which operators are alerted.
+        let _ = self.write_retraction(at, disk);
+    }
+
+    fn write_retraction(&mut self, at: &Place<'_>, disk: &mut dyn Disk) -> Result<(), StoreError> {
+        if self.retracts {
+            self.write_after(&Entry::NotKept, Durability::Power, at, disk)?;
+            self.retracts = false;
+        }
+        Ok(())
+    }
+
+    /// Writes one line, preceded by the lines that retract changes, begin a file or the use of a key if needed.
     ///
     /// # Errors
     /// It could not be written.
     pub(super) fn write(
+        &mut self,
+        entry: &Entry,
+        durability: Durability,
+        at: &Place<'_>,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        self.write_retraction(at, disk)?;
+        self.write_after(entry, durability, at, disk)
+    }
+
+    fn write_after(
         &mut self,
         entry: &Entry,
         durability: Durability,
@@ -372,7 +401,7 @@ pub(super) struct Place<'a> {
 }
 
 /// Changes of monitors that are counted until their line is due.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Repetitions {
     of: BTreeMap<Id, Repeated>,
 }
