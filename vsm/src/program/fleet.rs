@@ -1,5 +1,6 @@
 //! `vsm fleet`: the computers that can serve a VSM.
 
+use std::io;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
@@ -77,7 +78,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             }
             operator.drain(node).map_err(failed)?;
             if fleet.owner.as_ref() == Some(node) {
-                taken_over(&operator, node, lease)?;
+                if !taken_over(&operator, node, lease)? {
+                    return Err(nobody(lease, &still_drained(node)));
+                }
             } else {
                 print_line(&format!(
                     "{node} serves nothing until `vsm fleet resume --node {node}`"
@@ -107,13 +110,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             // again.
             operator.drain(&owner).map_err(failed)?;
             let moved = taken_over(&operator, &owner, lease);
-            operator
-                .resume(&owner)
-                .with_context(|| {
-                    format!("{owner} is still drained: `vsm fleet resume --node {owner}`")
-                })
-                .map_err(failed)?;
-            moved
+            end_of_move(&owner, lease, moved, operator.resume(&owner))
         }
     }
 }
@@ -129,9 +126,41 @@ fn open(config: &ConfigArg) -> Result<(Operator, Duration), Failure> {
     Ok((Operator::new(&store, config.dli.vsm_id), lease))
 }
 
-/// Waits until another node than `before` serves.
-fn taken_over(operator: &Operator, before: &str, lease: Duration) -> Result<(), Failure> {
-    let within = lease * 2 + MARGIN;
+/// What a move ends with, once the node that served has been resumed.
+fn end_of_move(
+    owner: &str,
+    lease: Duration,
+    moved: Result<bool, Failure>,
+    resumed: io::Result<()>,
+) -> Result<(), Failure> {
+    resumed
+        .with_context(|| still_drained(owner))
+        .map_err(failed)?;
+    match moved? {
+        true => Ok(()),
+        false => Err(nobody(lease, &format!("{owner} may serve again"))),
+    }
+}
+
+fn still_drained(node: &str) -> String {
+    format!("{node} is still drained: `vsm fleet resume --node {node}` lets it serve again")
+}
+
+fn nobody(lease: Duration, state: &str) -> Failure {
+    failed(anyhow!(
+        "no other node has taken over within {} s: `vsm fleet list` shows who takes part; {state}",
+        patience(lease).as_secs()
+    ))
+}
+
+/// How long another node may take to take over.
+fn patience(lease: Duration) -> Duration {
+    lease * 2 + MARGIN
+}
+
+/// Waits until another node than `before` serves; false if none does in time.
+fn taken_over(operator: &Operator, before: &str, lease: Duration) -> Result<bool, Failure> {
+    let within = patience(lease);
     let _waiting = waiting("another node to take over", within);
     let begun = Instant::now();
     loop {
@@ -141,14 +170,10 @@ fn taken_over(operator: &Operator, before: &str, lease: Duration) -> Result<(), 
             print_line(&format!(
                 "{owner} serves in place of {before}, after {took_s:.1} s"
             ));
-            return Ok(());
+            return Ok(true);
         }
         if begun.elapsed() > within {
-            return Err(failed(anyhow!(
-                "{before} is drained, and no other node has taken over within {} s: `vsm fleet list` shows who takes part, and \
-                 `vsm fleet resume --node {before}` lets it serve again",
-                within.as_secs()
-            )));
+            return Ok(false);
         }
         std::thread::sleep(LOOK_AGAIN);
     }
@@ -175,3 +200,27 @@ fn readable(fleet: &Fleet) -> String {
 
 const MARGIN: Duration = Duration::from_secs(5);
 const LOOK_AGAIN: Duration = Duration::from_millis(100);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_move_that_nobody_follows_ends_with_the_state_of_the_node() {
+        let lease = Duration::from_secs(10);
+        let end = |moved, resumed| end_of_move("a", lease, Ok(moved), resumed);
+        let text = |end: Result<(), Failure>| match end {
+            Err(Failure::Failed(fault)) => format!("{fault:#}"),
+            _ => panic!("it failed"),
+        };
+        assert!(end(true, Ok(())).is_ok());
+        let resumed = text(end(false, Ok(())));
+        assert!(resumed.contains("within 25 s"), "{resumed}");
+        assert!(resumed.ends_with("a may serve again"), "{resumed}");
+        for moved in [true, false] {
+            let drained = text(end(moved, Err(io::Error::other("etcd is gone"))));
+            assert!(drained.contains("a is still drained"), "{drained}");
+            assert!(drained.contains("etcd is gone"), "{drained}");
+        }
+    }
+}
