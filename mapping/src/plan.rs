@@ -584,8 +584,9 @@ pub fn purpose(route: &UaRoute) -> &'static str {
     }
 }
 
-/// Next Waypoint; 0 and 65535 end a route.
-fn next(waypoint: &UaPositionWaypoint) -> u16 {
+/// Next Waypoint; only 0 ends a route (13002.11). 65535 is no waypoint's number: a route that leads there is refused, as one
+/// that leads to any waypoint that was not received.
+pub(crate) fn next(waypoint: &UaPositionWaypoint) -> u16 {
     waypoint.next_waypoint.unwrap_or(0)
 }
 

@@ -438,7 +438,7 @@ impl<'a> Draft<'a> {
 
     /// The number of the next waypoint; 0 after the last, and after the end of a loop, which jumps back.
     fn lead_on(&mut self, leg: &Leg, waypoint: &UaPositionWaypoint) -> Result<u16, Reason> {
-        let next = waypoint.next_waypoint.unwrap_or(0);
+        let next = crate::plan::next(waypoint);
         if !waypoint::ends_loop(waypoint)? {
             return Ok(next);
         }
@@ -561,3 +561,57 @@ fn distance(to: &Leg, from: Option<&Leg>, site: &Site) -> Result<(), Reason> {
 const COARSEST_M: f64 = 100.0;
 /// Relative width at which the smallest tolerance is known.
 const CLOSE: f64 = 1.01;
+
+#[cfg(test)]
+mod tests {
+    use stanag_msgs::enums::AltitudeType;
+    use stanag_msgs::{Bam32, Id, Message, Scaled};
+
+    use super::*;
+    use crate::altitude::{Agl, Altimeter};
+    use crate::limits::Limits;
+    use crate::telemetry::Place;
+
+    #[test]
+    fn a_route_ends_with_next_waypoint_0_and_with_no_other_number() {
+        let site = Site {
+            home: Place {
+                latitude: 47.0,
+                longitude: 8.0,
+                amsl_m: 488.0,
+            },
+            geoid_m: None,
+            agl: Agl::AboveHome,
+            terrain: None,
+            altimeter: Altimeter::STANDARD,
+            wings: None,
+            limits: Limits::default(),
+            performance: Performance::default(),
+            curving: Curving::default(),
+        };
+        let compiled = |last: Option<u16>| {
+            let mut plan = Plan::default();
+            for (number, next) in [(1, Some(2)), (2, last)] {
+                let north = 47.0 + f64::from(number) * 1e-3;
+                let waypoint = Message::UaPositionWaypoint(UaPositionWaypoint {
+                    waypoint_number: Some(number),
+                    waypoint_to_latitude_or_relative_y: Some(Bam32::from_degrees(north)),
+                    waypoint_to_longitude_or_relative_x: Some(Bam32::from_degrees(8.0)),
+                    waypoint_to_altitude: Scaled::from_si(30.0).ok(),
+                    waypoint_altitude_type: Some(AltitudeType::Agl),
+                    next_waypoint: next,
+                    ..UaPositionWaypoint::default()
+                });
+                plan.store(&waypoint, Id(1), Id(2)).unwrap();
+            }
+            compile_within(&plan, 1, &site)
+        };
+        for last in [None, Some(0)] {
+            assert_eq!(compiled(last).unwrap().order.len(), 2);
+        }
+        for last in [3, u16::MAX] {
+            let refused = compiled(Some(last)).unwrap_err();
+            assert_eq!((refused.waypoint, refused.reason), (last, Reason::Unknown));
+        }
+    }
+}

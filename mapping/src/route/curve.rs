@@ -28,7 +28,7 @@ pub(super) fn check(plan: &Plan, number: u16, waypoint: &UaPositionWaypoint) -> 
     if let Some(other) = curves.next() {
         return Err(Reason::TwoCurves(to, other));
     }
-    let next = waypoint.next_waypoint.unwrap_or(0);
+    let next = crate::plan::next(waypoint);
     if next == to {
         Ok(())
     } else {

@@ -143,7 +143,7 @@ pub(super) fn jump(
     waypoint: &UaPositionWaypoint,
     compiled: &CompiledMission,
 ) -> Result<Option<Item>, Reason> {
-    let start = waypoint.next_waypoint.unwrap_or(0);
+    let start = crate::plan::next(waypoint);
     let seq = compiled
         .first_item_of(start)
         .filter(|_| start != number)
