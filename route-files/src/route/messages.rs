@@ -118,15 +118,14 @@ impl Route {
         routes.map(|route| from(route, download)).collect()
     }
 
-    /// Routes of one plan as one: the first flight route is the one that is loaded, the others are further ones. `None`
-    /// where there are none.
+    /// Routes of one plan, in the order of a download, as one: the latest flight route, otherwise the latest of all, is the
+    /// one that a 13000 without a Route ID loads, so that the file loads it too. The others are further ones. `None` where
+    /// there are none.
     #[must_use]
     pub fn joined(mut routes: Vec<Route>) -> Option<Route> {
         let flies = |route: &Route| matches!(route.route_type, None | Some(RouteType::Flight));
-        let main = routes.iter().position(flies).unwrap_or(0);
-        if routes.is_empty() {
-            return None;
-        }
+        let latest = routes.iter().rposition(flies);
+        let main = latest.or(routes.len().checked_sub(1))?;
         let mut whole = routes.remove(main);
         for route in routes {
             let Route {
@@ -428,4 +427,37 @@ fn there(of: &str, field: &'static str, value: Option<f64>) -> Result<f64, Route
         of: of.to_owned(),
         field,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_joined_plan_loads_the_route_that_a_load_without_a_name_loads() {
+        let route = |id: &str, route_type| Route {
+            id: Some(id.to_owned()),
+            route_type,
+            ..Route::default()
+        };
+        let older = || route("older", None);
+        let newer = || route("newer", Some(RouteType::Flight));
+        let home = || route("home", Some(RouteType::ContingencyA));
+        let joined = |routes| {
+            let whole = Route::joined(routes)?;
+            let further = whole.further.into_iter().map(|one| one.id.unwrap());
+            Some((whole.id.unwrap(), further.collect::<Vec<_>>()))
+        };
+        // In the order in which a vehicle sends them: the latest stands last.
+        assert_eq!(
+            joined(vec![older(), newer(), home()]),
+            Some(("newer".into(), vec!["older".into(), "home".into()]))
+        );
+        let away = route("away", Some(RouteType::ContingencyB));
+        assert_eq!(
+            joined(vec![home(), away]),
+            Some(("away".into(), vec!["home".into()]))
+        );
+        assert_eq!(joined(Vec::new()), None);
+    }
 }
