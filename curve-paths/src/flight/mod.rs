@@ -17,7 +17,7 @@ pub use deviation::{FlownItem, MAX_WIND_SHARE, flown_bound_m};
 pub use flown::{Flown, measure};
 pub use npfg::{NorthEast, Npfg};
 pub use plan::{
-    FlightPlan, MIN_ACCEPTANCE_M, NotFlyable, Policy, SpeedChange, Tight, chord_acceptance_m,
-    plan_flight,
+    CURVE_SWING_S, FlightPlan, MIN_ACCEPTANCE_M, NotFlyable, Policy, SpeedChange, Tight,
+    chord_acceptance_m, climbing_mps, climbs, plan_flight,
 };
 pub use vehicle::{Airframe, FixedWing, Multicopter, ParameterError};

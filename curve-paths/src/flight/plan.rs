@@ -4,9 +4,9 @@ use thiserror::Error;
 
 use super::curvature::tightest;
 use super::deviation::{FlownItem, flown_bound_m};
-use super::vehicle::Airframe;
+use super::vehicle::{Airframe, LEVEL_M};
 use crate::densify::Leg;
-use crate::walk::Densified;
+use crate::walk::{Densified, Vertex};
 use crate::wgs84::Position;
 
 /// What to do at a place that is too tight for the speed.
@@ -54,8 +54,10 @@ pub struct FlightPlan {
     pub changes: Vec<SpeedChange>,
     /// Time for the chords at those speeds, limited by the speed that the autopilot allows itself on each chord, s.
     pub time_s: f64,
-    /// The predicted bound of the flown deviation of its curves, m ([`flown_bound_m`]); `None` without curves, and
-    /// for wings in a wind that is too strong for the speed.
+    /// The part of it on curved legs, s.
+    pub curves_s: f64,
+    /// Within this deviation its curves are flown, m ([`flown_bound_m`]); none without curves, and for wings in a wind that
+    /// is too strong for the speed.
     pub predicted_deviation_m: Option<f64>,
     /// The slowest chord by the autopilot's own rule, m/s: a tight tolerance makes short chords and slow flight.
     pub slowest_chord_mps: f64,
@@ -78,6 +80,20 @@ pub enum NotFlyable {
         fastest_mps = .0.fastest_mps, slowest_mps = .1
     )]
     TooTight(Tight, f64),
+    /// A multicopter is too fast on a climbing curve to be at the altitude of its items in time ([`climbing_mps`]).
+    #[error(
+        "leg {leg} climbs or descends, at {speed_mps} m/s: its shortest chord of {chord_m:.1} m allows {fastest_mps:.1} m/s"
+    )]
+    ClimbsTooFast {
+        /// The leg, from 0.
+        leg: usize,
+        /// The wished speed, m/s.
+        speed_mps: f64,
+        /// The shortest chord, m.
+        chord_m: f64,
+        /// The fastest speed that it allows, m/s.
+        fastest_mps: f64,
+    },
     /// The speed is out of range.
     #[error("speed is {speed_mps} m/s, expected more than 0 and at most 200")]
     Speed {
@@ -89,7 +105,8 @@ pub enum NotFlyable {
 /// Plans the flight of a densified route at a requested speed.
 ///
 /// # Errors
-/// The speed is out of range, a turn is too tight under [`Policy::Refuse`], or too tight for the slowest speed.
+/// When the speed is out of range; a turn is too tight, or a multicopter too fast on a climbing curve, under
+/// [`Policy::Refuse`]; or a turn is too tight for the slowest speed.
 pub fn plan_flight(
     legs: &[Leg],
     densified: &Densified,
@@ -106,9 +123,9 @@ pub fn plan_flight(
         slowest_chord_mps: f64::INFINITY,
         ..Default::default()
     };
-    // Of a run of tight chords only the tightest place is reported.
+    let wished = wished(legs, densified, &chords, airframe, speed_mps, policy)?;
     let mut run: Option<Tight> = None;
-    for chord in &chords {
+    for (chord, &speed_mps) in chords.iter().zip(&wished) {
         plan.fastest_mps = plan.fastest_mps.min(chord.fastest_mps());
         plan.slowest_chord_mps = plan.slowest_chord_mps.min(chord.autopilot_mps);
         match chord.tight.filter(|t| t.fastest_mps < speed_mps) {
@@ -123,7 +140,7 @@ pub fn plan_flight(
         }
     }
     plan.tight.extend(run);
-    let speeds = speeds(&chords, speed_mps, braking(airframe));
+    let speeds = speeds(&chords, &wished, braking(airframe));
     let mut now = speed_mps;
     for (k, &speed) in speeds.iter().enumerate() {
         if speed != now {
@@ -133,7 +150,11 @@ pub fn plan_flight(
             });
             now = speed;
         }
-        plan.time_s += chords[k].length_m / speed.min(chords[k].autopilot_mps);
+        let chord_s = chords[k].length_m / speed.min(chords[k].autopilot_mps);
+        plan.time_s += chord_s;
+        if chords[k].tight.is_some() {
+            plan.curves_s += chord_s;
+        }
     }
     // The route's last vertex restores the requested speed, which holds for what follows.
     if now != speed_mps {
@@ -166,6 +187,74 @@ fn items(legs: &[Leg], densified: &Densified, speeds: &[f64], speed_mps: f64) ->
 #[must_use]
 pub fn chord_acceptance_m(shortest_chord_m: f64) -> f64 {
     (0.5 * shortest_chord_m).clamp(MIN_ACCEPTANCE_M, MAX_ACCEPTANCE_M)
+}
+
+/// Whether PX4 sees these vertices at different altitudes.
+#[must_use]
+pub fn climbs(vertices: &[Vertex]) -> bool {
+    let rise_m = |pair: &[Vertex]| (pair[1].position.alt_m - pair[0].position.alt_m).abs();
+    !vertices.windows(2).all(|pair| rise_m(pair) <= LEVEL_M)
+}
+
+/// The speed, at most the wished one, at which a multicopter that swings about its altitude still reaches each item of a
+/// climbing curve: it must stay within the acceptance radius, half a chord at most, for as long as the swing exceeds the
+/// vertical one. Rounded down to tenths where it is slower than wished.
+#[must_use]
+pub fn climbing_mps(wished_mps: f64, shortest_chord_m: f64) -> f64 {
+    let fastest_mps = shortest_chord_m / CURVE_SWING_S;
+    if wished_mps <= fastest_mps {
+        wished_mps
+    } else {
+        tenths(fastest_mps)
+    }
+}
+
+/// Whole tenths, downwards: the resolution used for a DO_CHANGE_SPEED.
+fn tenths(speed_mps: f64) -> f64 {
+    (speed_mps * 10.0).floor() * 0.1
+}
+
+/// The speed of each chord as far as turns do not matter: a multicopter flies a climbing curve no faster than its shortest
+/// chord allows.
+fn wished(
+    legs: &[Leg],
+    densified: &Densified,
+    chords: &[Chord],
+    airframe: &Airframe,
+    speed_mps: f64,
+    policy: Policy,
+) -> Result<Vec<f64>, NotFlyable> {
+    let mut wished = vec![speed_mps; chords.len()];
+    if let Airframe::FixedWing(_) = airframe {
+        return Ok(wished);
+    }
+    // Chord k leads to vertex k + 1, whose leg it belongs to.
+    let ends = densified.vertices.get(1..).unwrap_or_default();
+    let mut first = 0;
+    for run in ends.chunk_by(|a, b| a.leg == b.leg) {
+        let (leg, from, to) = (run[0].leg, first, first + run.len());
+        first = to;
+        let curved = matches!(legs.get(leg), Some(Leg::Bezier(_)));
+        if !curved || !climbs(&densified.vertices[from..=to]) {
+            continue;
+        }
+        let lengths = chords[from..to].iter().map(|chord| chord.length_m);
+        let chord_m = lengths.fold(f64::INFINITY, f64::min);
+        let slow_mps = climbing_mps(speed_mps, chord_m);
+        if slow_mps >= speed_mps {
+            continue;
+        }
+        if policy == Policy::Refuse || slow_mps <= 0.0 {
+            return Err(NotFlyable::ClimbsTooFast {
+                leg,
+                speed_mps,
+                chord_m,
+                fastest_mps: chord_m / CURVE_SWING_S,
+            });
+        }
+        wished[from..to].fill(slow_mps);
+    }
+    Ok(wished)
 }
 
 fn check(
@@ -244,26 +333,26 @@ fn chords(legs: &[Leg], densified: &Densified, airframe: &Airframe) -> Vec<Chord
         .collect()
 }
 
-/// The speed of each chord: what the chord allows where that is less than requested, with one speed for each run of
-/// such chords, and the same speed on as many chords before the run as braking needs.
-fn speeds(chords: &[Chord], speed_mps: f64, braking: f64) -> Vec<f64> {
-    let mut speeds = vec![speed_mps; chords.len()];
+/// The speed of each chord: what it allows where that is less than wished, one speed for each run of such chords, and
+/// the same speed on those before it that braking takes.
+fn speeds(chords: &[Chord], wished: &[f64], braking: f64) -> Vec<f64> {
+    let mut speeds = wished.to_vec();
+    let allows = |k: usize| chords[k].fastest_mps() >= wished[k];
     let mut k = 0;
     while k < chords.len() {
-        if chords[k].fastest_mps() >= speed_mps {
+        if allows(k) {
             k += 1;
             continue;
         }
         let end = (k..chords.len())
-            .find(|&j| chords[j].fastest_mps() >= speed_mps)
+            .find(|&j| allows(j))
             .unwrap_or(chords.len());
         let slowest = chords[k..end]
             .iter()
             .map(Chord::fastest_mps)
             .fold(f64::INFINITY, f64::min);
-        // Rounded down to tenths: the resolution used for DO_CHANGE_SPEED.
-        let slow = ((slowest * 10.0).floor() * 0.1).max(CRAWL_MPS);
-        let mut needed_m = (speed_mps * speed_mps - slow * slow) / (2.0 * braking);
+        let slow = tenths(slowest).max(CRAWL_MPS);
+        let mut needed_m = (wished[k] * wished[k] - slow * slow) / (2.0 * braking);
         let mut first = k;
         while first > 0 && needed_m > 0.0 {
             first -= 1;
@@ -286,5 +375,8 @@ fn braking(airframe: &Airframe) -> f64 {
 /// Acceptance radii of chords, m.
 pub const MIN_ACCEPTANCE_M: f64 = 2.0;
 const MAX_ACCEPTANCE_M: f64 = 3.0;
-/// No place is flown slower than this, m/s: at a cusp a multicopter nearly stops and turns.
+/// How long a swing about the altitude takes at the points of a climbing curve, which are flown slowly, s: for up to 2.7 s of
+/// each PX4 v1.18 is further off than NAV_MC_ALT_RAD (0.8 m), and never accepts a waypoint that it passes meanwhile.
+pub const CURVE_SWING_S: f64 = 3.0;
+/// No place is flown slower than this, m/s: at a cusp a multicopter all but stops and turns.
 const CRAWL_MPS: f64 = 0.5;

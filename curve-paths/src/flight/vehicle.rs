@@ -269,8 +269,8 @@ impl Multicopter {
 const ESTIMATE_M: f64 = 0.35;
 /// Lag of the position controller, s.
 const LAG_S: f64 = 0.12;
-/// Items whose altitudes differ by less count as level, m.
-const LEVEL_M: f64 = 1e-3;
+/// PX4 takes items this close for level, m.
+pub(super) const LEVEL_M: f64 = 1e-3;
 
 #[cfg(test)]
 mod tests {

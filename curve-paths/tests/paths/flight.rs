@@ -175,6 +175,48 @@ fn a_multicopter_is_slowed_by_short_chords_and_the_flown_deviation_is_predicted(
     );
 }
 
+/// What the bridge plans leg by leg and `curve-plan check` for a whole route takes the same time.
+#[test]
+fn a_climbing_curve_is_flown_as_slowly_alone_as_in_its_route() {
+    let (climb_m, copter) = (20.0, Airframe::Multicopter(Multicopter::default()));
+    let high = |east_m, north_m| {
+        let position = position(east_m, north_m);
+        Position::new(position.lat_deg, position.lon_deg, position.alt_m + climb_m)
+    };
+    let curve = BezierLeg::new(
+        position(0.0, 0.0),
+        control(60.0, 0.0),
+        control(90.0, 30.0),
+        high(90.0, 90.0),
+    );
+    let curve = Leg::from(curve.unwrap());
+    let whole = [
+        Leg::straight(position(-300.0, 0.0), position(0.0, 0.0)).unwrap(),
+        curve,
+        Leg::straight(high(90.0, 90.0), high(90.0, 390.0)).unwrap(),
+    ];
+    let plan = |legs: &[Leg], speed: f64, policy| {
+        let dense = densify(legs, &Options::flight(0.5)).unwrap();
+        plan_flight(legs, &dense, &copter, speed, policy)
+    };
+    let [alone, route] = [&[curve][..], &whole].map(|legs| plan(legs, 12.0, Policy::Slow).unwrap());
+    assert!(alone.changes[0].speed_mps < 12.0, "{alone:?}");
+    assert_eq!(alone.time_s, alone.curves_s);
+    assert!((alone.curves_s - route.curves_s).abs() < 1e-6, "{route:?}");
+    assert!(route.time_s > route.curves_s + 40.0);
+    // Back to the wished speed after it.
+    assert_eq!(route.changes.last().unwrap().speed_mps, 12.0);
+    for legs in [&[curve][..], &whole] {
+        let refused = plan(legs, 12.0, Policy::Refuse).unwrap_err();
+        assert!(
+            matches!(refused, NotFlyable::ClimbsTooFast { .. }),
+            "{refused}"
+        );
+    }
+    let slow = plan(&whole, 1.0, Policy::Refuse).unwrap();
+    assert!(slow.changes.is_empty(), "{slow:?}");
+}
+
 #[test]
 fn a_speed_that_is_none_is_refused() {
     let legs = route();

@@ -8,6 +8,7 @@
 //! PX4 brake for the waypoint, and then none is missed. At 5 m/s there is time enough inside a radius of 10 m, however
 //! steep the climb. The radius and the cruise speed are those that the vehicle reports ([`Performance`]).
 
+use curve_paths::flight::CURVE_SWING_S;
 use mavlink_link::service::mission::Item;
 
 use super::item::{DO_CHANGE_SPEED, DO_JUMP, NAV_WAYPOINT};
@@ -134,9 +135,6 @@ const LEVEL_M: f32 = 0.05;
 /// How long a swing takes, s. At 6.5 m/s and a radius of 10 m, 3 s to cross it, waypoints were accepted as late as 11 m
 /// behind; at 5 m/s, 4 s, as late as 7 m.
 const SWING_S: f64 = 4.0;
-/// The same for the points of a climbing curve, which are flown slowly: for up to 2.7 s of each swing PX4 v1.18 is further
-/// off than NAV_MC_ALT_RAD (0.8 m), and never accepts a waypoint that it passes meanwhile.
-pub(super) const CURVE_SWING_S: f64 = 3.0;
 /// The shortest hold that makes PX4 brake, s.
 const HOLD_S: f32 = 0.1;
 

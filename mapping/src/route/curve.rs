@@ -3,13 +3,15 @@
 //! [`curve_paths`] defines the meaning of a curve message, and why the deviation is bounded. Here a curve gets its ends
 //! from the waypoints, its altitudes a common reference, and its vertices become items of the waypoint that it leads to.
 
-use curve_paths::flight::{FlownItem, Policy, chord_acceptance_m, flown_bound_m, plan_flight};
+use curve_paths::flight::{
+    CURVE_SWING_S, FlownItem, NotFlyable, chord_acceptance_m, climbing_mps, climbs, flown_bound_m,
+    plan_flight,
+};
 use curve_paths::terrain::Terrain;
 use curve_paths::{BezierLeg, Control, Densified, Options, Position, Vertex, densify};
 use mavlink_link::service::mission::Item;
 use stanag_msgs::messages::UaPositionWaypoint;
 
-use super::brake::CURVE_SWING_S;
 use super::clearance::{self, Slopes};
 use super::error::{CurveError, Reason, RouteError, TerrainError};
 use super::item::{self, DO_CHANGE_SPEED, NAV_WAYPOINT, change_speed};
@@ -170,7 +172,7 @@ pub(super) struct Chords {
     pub reads_differently: bool,
     /// Proven deviation of the chords, m.
     pub bound_m: f64,
-    /// Predicted time, s.
+    /// Predicted time on the curve, s.
     pub time_s: f64,
 }
 
@@ -250,20 +252,26 @@ fn chords(
         }
     }
     let airframe = site.airframe();
-    let climbs = site.hovers() && !is_level(&densified);
-    let wished_m_s = speed_m_s;
-    let speed_m_s = if climbs {
-        climbing_speed(wished_m_s, &densified, site.curving.policy)?
-    } else {
-        wished_m_s
-    };
-    let flown = plan_flight(&legs, &densified, &airframe, speed_m_s, site.curving.policy)
-        .map_err(|fault| shape(&fault))?;
+    let climbs = site.hovers() && climbs(&densified.vertices);
+    let flown = plan_flight(&legs, &densified, &airframe, speed_m_s, site.curving.policy).map_err(
+        |fault| match fault {
+            NotFlyable::ClimbsTooFast {
+                speed_mps,
+                chord_m,
+                fastest_mps,
+                ..
+            } => CurveError::ClimbsTooFast {
+                speed_m_s: speed_mps,
+                chord_m,
+                fastest_m_s: fastest_mps,
+            },
+            fault => shape(&fault),
+        },
+    )?;
     let speed_at = |vertex: usize| {
         let change = flown.changes.iter().find(|change| change.vertex == vertex);
         change.map(|change| change.speed_mps)
     };
-    let slower = (speed_m_s < wished_m_s).then_some(speed_m_s);
     // The first and last vertex are the waypoints P1 and P4, which have their own items.
     let last = densified.vertices.len().saturating_sub(1);
     let vertices = densified
@@ -294,18 +302,19 @@ fn chords(
     // Half a chord at most: with a larger radius PX4 would skip vertices.
     if climbs {
         let half_m = 0.5 * densified.shortest_chord_m;
+        let climbing_m_s = climbing_mps(speed_m_s, densified.shortest_chord_m);
         acceptance_m =
-            (0.5 * CURVE_SWING_S * speed_m_s).clamp(acceptance_m, half_m.max(acceptance_m));
+            (0.5 * CURVE_SWING_S * climbing_m_s).clamp(acceptance_m, half_m.max(acceptance_m));
     }
     Ok(Chords {
         vertices: vertices.collect(),
-        speed_at_start_m_s: speed_at(0).or(slower),
+        speed_at_start_m_s: speed_at(0),
         acceptance_m: acceptance_m as f32,
         climbs,
-        slowed: slower.is_some() || !flown.changes.is_empty(),
+        slowed: !flown.changes.is_empty(),
         reads_differently: leg.reads_differently(tolerance_m),
         bound_m: densified.bound_m,
-        time_s: flown.time_s,
+        time_s: flown.curves_s,
     })
 }
 
@@ -337,36 +346,6 @@ fn lay_over(
         });
     }
     Ok(())
-}
-
-/// Whether PX4 sees all its vertices at one altitude.
-fn is_level(densified: &Densified) -> bool {
-    let altitudes = densified.vertices.windows(2);
-    altitudes
-        .map(|pair| (pair[1].position.alt_m - pair[0].position.alt_m).abs())
-        .all(|rise_m| rise_m <= LEVEL_M)
-}
-
-/// The highest speed at which a vehicle that swings about its altitude still reaches each item: it must stay within the
-/// acceptance radius, half a chord at most, for as long as the swing exceeds the vertical one.
-fn climbing_speed(
-    wished_m_s: f64,
-    densified: &Densified,
-    policy: Policy,
-) -> Result<f64, CurveError> {
-    let fastest_m_s = densified.shortest_chord_m / CURVE_SWING_S;
-    if wished_m_s <= fastest_m_s {
-        return Ok(wished_m_s);
-    }
-    match policy {
-        // Rounded down to tenths, the resolution used for DO_CHANGE_SPEED.
-        Policy::Slow => Ok((fastest_m_s * 10.0).floor() * 0.1),
-        Policy::Refuse => Err(CurveError::ClimbsTooFast {
-            speed_m_s: wished_m_s,
-            chord_m: densified.shortest_chord_m,
-            fastest_m_s,
-        }),
-    }
 }
 
 /// The deviation within which the curves of a mission are flown, m; `None` without curves, and on wings in a wind too
@@ -479,5 +458,3 @@ fn controls(
 
 /// The largest radius for the end of a curve, m.
 const WIDEST_M: f32 = 20.0;
-/// Altitudes this close are equal for PX4, m.
-const LEVEL_M: f64 = 1e-3;

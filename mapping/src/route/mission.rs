@@ -80,7 +80,7 @@ impl Curved {
             ..
         } = self;
         let mut text = format!(
-            "{legs} curved legs in {chords} chords, proven within {bound_m:.2} m, {time_s:.0} s"
+            "{legs} curved legs in {chords} chords, proven within {bound_m:.2} m, {time_s:.0} s on them"
         );
         if let Some(predicted_m) = self.predicted_m {
             // An upper bound is rounded up.

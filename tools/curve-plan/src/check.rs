@@ -172,6 +172,7 @@ impl Command {
         json!({
             "bound_m": bound_m, "speed_mps": self.speed, "fastest_mps": finite(plan.fastest_mps), "tight": tight,
             "changes": changes, "slowest_chord_mps": finite(plan.slowest_chord_mps), "time_s": plan.time_s,
+            "curves_s": plan.curves_s,
             "predicted_deviation_m": plan.predicted_deviation_m, "read_differently": misread,
             "flown": flown.map(|f| json!({ "deviation_m": f.deviation_m, "points": f.points, "passed": f.passed })),
         })
@@ -185,8 +186,8 @@ impl Command {
         misread: &[(usize, f64)],
     ) -> String {
         let mut out = format!(
-            "{items} items, proven within {bound_m:.3} m, {:.0} s\n",
-            plan.time_s
+            "{items} items, proven within {bound_m:.3} m, {:.0} s, {:.0} s of that on curves\n",
+            plan.time_s, plan.curves_s
         );
         for t in &plan.tight {
             let _ = writeln!(
