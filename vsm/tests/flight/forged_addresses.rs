@@ -421,6 +421,24 @@ fn a_controller_that_returns_to_its_address_is_back_within_seconds() {
     }
 }
 
+/// The programs of one computer have a port each, and `cucs` another one at each call: no move that anybody wants to read of.
+#[test]
+fn a_move_to_another_computer_is_logged_and_one_to_another_port_is_not() {
+    let mut rig = Rig::new(Setup::default());
+    rig.run(9.0);
+    rig.done(orders::request_control());
+    let moves = |rig: &Rig| {
+        let texts = rig.log.iter().map(|entry| entry.text.as_str());
+        texts.filter(|text| text.contains("has moved")).count()
+    };
+    for (ip, logged) in [([127, 0, 0, 1], 0), ([127, 0, 0, 2], 1)] {
+        rig.stations[0] = Station::new(cucs(0), SocketAddr::from((ip, 41_234)));
+        let ticket = rig.send(orders::request_control());
+        assert!(rig.until(5.0, |rig| rig.station().end(ticket).is_some()));
+        assert_eq!(moves(&rig), logged, "{ip:?}");
+    }
+}
+
 /// A station that acknowledges nothing: everything that it commands is answered, and it sees the aircraft move.
 #[test]
 fn a_station_that_never_acknowledges_flies() {

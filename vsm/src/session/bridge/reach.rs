@@ -188,9 +188,12 @@ impl Bridge {
         let station = &self.stations[index];
         // Moves without proof can happen a thousand times a second: they cause neither a log line nor an alert.
         if let (Some(before), Some(peer), true) = (before, station.peer, station.proven) {
-            let text = format!("CUCS {} has moved from {before} to {peer}", station.id());
-            let vsm = self.vsm;
-            self.effects(now, disk).0.note(LogLevel::Info, vsm, text);
+            // Another port alone is another program there: `cucs` has one of its own at each call.
+            if before.ip() != peer.ip() {
+                let text = format!("CUCS {} has moved from {before} to {peer}", station.id());
+                let vsm = self.vsm;
+                self.effects(now, disk).0.note(LogLevel::Info, vsm, text);
+            }
             self.paths.take_missed(index);
             self.welcome(now, index, disk);
         }
