@@ -49,7 +49,7 @@ pub enum RequestState {
 #[derive(Clone, Debug)]
 pub struct Intervals {
     requests: Vec<Request>,
-    outstate: Option<(Ticket, usize)>,
+    outstanding: Option<(Ticket, usize)>,
     /// No command before this: the last one got no answer.
     not_before: Duration,
 }
@@ -74,7 +74,7 @@ impl Intervals {
             .collect();
         Self {
             requests,
-            outstate: None,
+            outstanding: None,
             not_before: Duration::ZERO,
         }
     }
@@ -106,7 +106,7 @@ impl Intervals {
             }
         }
         // An answer that still arrives belongs to the request before the restart.
-        self.outstate = None;
+        self.outstanding = None;
         self.not_before = Duration::ZERO;
     }
 
@@ -120,7 +120,7 @@ impl Intervals {
 
     /// Submits the next request, if none is outstanding. Call it after every other call.
     pub fn advance(&mut self, now: Duration, commands: &mut command::Client) {
-        if self.outstate.is_some() || now < self.not_before {
+        if self.outstanding.is_some() || now < self.not_before {
             return;
         }
         let Some((place, request)) = self
@@ -134,7 +134,7 @@ impl Intervals {
         };
         if let Ok(ticket) = commands.submit(now, set_message_interval(request.id, request.rate)) {
             request.state = RequestState::Sent;
-            self.outstate = Some((ticket, place));
+            self.outstanding = Some((ticket, place));
         // The queue of commands is full. That is temporary, so wait and do not count it as a refusal.
         } else {
             self.not_before = now + PAUSE;
@@ -149,7 +149,7 @@ impl Intervals {
         else {
             return false;
         };
-        let Some((_, place)) = self.outstate.take_if(|(ours, _)| ours == ticket) else {
+        let Some((_, place)) = self.outstanding.take_if(|(ours, _)| ours == ticket) else {
             return false;
         };
         let Some(request) = self.requests.get_mut(place) else {
@@ -176,7 +176,7 @@ impl Intervals {
     /// When [`Intervals::advance`] is next needed, apart from events.
     pub fn poll_timeout(&self) -> Option<Duration> {
         let wants = |request: &Request| request.state == RequestState::Pending;
-        (self.outstate.is_none() && self.requests.iter().any(wants)).then_some(self.not_before)
+        (self.outstanding.is_none() && self.requests.iter().any(wants)).then_some(self.not_before)
     }
 
     /// Whether the vehicle has accepted or refused every request.

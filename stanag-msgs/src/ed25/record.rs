@@ -40,7 +40,7 @@ pub enum Fault {
     /// A text without a NUL, or with bytes that are not ASCII.
     Text(&'static FieldInfo),
     /// A value that the corresponding field of Edition 4 cannot hold.
-    Unsayable(&'static FieldInfo, f64),
+    Unrepresentable(&'static FieldInfo, f64),
 }
 
 impl Fault {
@@ -51,7 +51,7 @@ impl Fault {
             Fault::Layout(DecodeError::UnknownMessage { .. }) => "unknown message type",
             Fault::Layout(_) => "undecodable",
             Fault::NotANumber(_) => "not a number",
-            Fault::Range(..) | Fault::Unsayable(..) => "out of range",
+            Fault::Range(..) | Fault::Unrepresentable(..) => "out of range",
             Fault::Text(_) => "unterminated text",
         }
     }
@@ -78,7 +78,7 @@ impl fmt::Display for Fault {
                 field.name,
                 field.wire.bytes().unwrap_or_default()
             ),
-            Fault::Unsayable(field, value) => {
+            Fault::Unrepresentable(field, value) => {
                 write!(
                     f,
                     "{} {value}{} is beyond what is flown",
@@ -247,7 +247,7 @@ impl Record {
                     match upper_half(target) {
                         Some(upper) => record.set(upper, bits >> 16),
                         None if bits >> 16 == 0 => {}
-                        None => return Err(Fault::Unsayable(field, bits.into())),
+                        None => return Err(Fault::Unrepresentable(field, bits.into())),
                     }
                 }
                 value => record.put(number, Some(value)),
@@ -483,7 +483,7 @@ fn write(
     let within = |low: f64, high: f64| match excess {
         Excess::Clamp => Ok(number.clamp(low, high)),
         Excess::Refuse if (low..=high).contains(&number) => Ok(number),
-        Excess::Refuse => Err(Fault::Unsayable(field, number)),
+        Excess::Refuse => Err(Fault::Unrepresentable(field, number)),
     };
     match field.wire {
         Wire::F32 | Wire::F64 => {

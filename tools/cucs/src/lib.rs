@@ -28,7 +28,7 @@ pub use route_files::{
     RouteFileError, Waypoint, fence, formats,
 };
 pub use session::alert::Alert;
-pub use session::edition_25::Unsayable;
+pub use session::edition_25::NoCounterpart;
 pub use session::machine::{Event, Session};
 pub use session::sender::{Delivery, Edition, Now, SendError, SessionConfig, Ticket};
 pub use session::traffic::{ByType, Traffic};

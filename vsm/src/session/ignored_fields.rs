@@ -49,7 +49,7 @@ pub(crate) fn ignored_fields(
     let message = Message::from(command.clone());
     let mut names = Vec::new();
     each_set(&message, |one| {
-        let heeded = match one.name {
+        let applies = match one.name {
             "Commanded Altitude" => {
                 matches!(mode, Mode::Loiter | Mode::Autopilot | Mode::Launch)
                     && !matches!(altitude, Some(A::None | A::VerticalSpeed))
@@ -67,7 +67,7 @@ pub(crate) fn ignored_fields(
             }
             _ => !is_unused(message.info(), one),
         };
-        if !heeded {
+        if !applies {
             names.push(one.name);
         }
     });

@@ -11,7 +11,7 @@ use stanag_msgs::enums::AckType;
 use stanag_msgs::wrapper::{ChecksumStyle, Header};
 use stanag_msgs::{EncodeError, Envelope, Id, MAX_DATAGRAM, Message, Packer, TimeStamp};
 
-use super::edition_25::{Border, STAMPS_EACH, Unsayable};
+use super::edition_25::{Border, NoCounterpart, STAMPS_EACH};
 use super::traffic::Traffic;
 
 /// One time on two clocks.
@@ -100,7 +100,7 @@ pub enum SendError {
     Encode(#[from] EncodeError),
     /// The edition cannot express it.
     #[error(transparent)]
-    Unsayable(#[from] Unsayable),
+    NoCounterpart(#[from] NoCounterpart),
 }
 
 /// Settings of a session.

@@ -180,7 +180,7 @@ impl StationError {
             }
             | Self::Route(_)
             | Self::Value(_)
-            | Self::Send(SendError::Unsayable(_)) => 2,
+            | Self::Send(SendError::NoCounterpart(_)) => 2,
             _ => 1,
         }
     }

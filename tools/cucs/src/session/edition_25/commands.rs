@@ -13,7 +13,7 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Id, Message};
 
 use super::payload::Payloads;
-use super::places::{Unsayable, all_placed, empty};
+use super::places::{NoCounterpart, all_placed, empty};
 
 /// Commands to and reports of one vehicle, as far as later commands depend on them.
 #[derive(Clone, Debug, Default)]
@@ -44,7 +44,7 @@ pub(super) fn records(
     own: Id,
     steering: &mut Steering,
     message: &Message,
-) -> Result<Vec<Record>, Unsayable> {
+) -> Result<Vec<Record>, NoCounterpart> {
     let ed4 = Record::of(message);
     match message {
         // Editions before the third have no heartbeats, and the border sends acknowledgements itself.
@@ -56,14 +56,14 @@ pub(super) fn records(
             // this CUCS never does.
             let Some((metres, datum)) = steering.altitude else {
                 let why = "#41 names an altitude, and the vehicle has reported none yet (#101)";
-                return Err(Unsayable(why.to_owned()));
+                return Err(NoCounterpart(why.to_owned()));
             };
             record.set(9, metres);
             record.set(10, datum);
             Ok(vec![record])
         }
         Message::UaRoute(_) | Message::UaPositionWaypoint(_) | Message::UaLoiterWaypoint(_) => {
-            let record = ed25::plan_record(message).map_err(Unsayable)?;
+            let record = ed25::plan_record(message).map_err(NoCounterpart)?;
             let record = record.ok_or_else(|| no_place(&ed4))?;
             let number = record.id();
             all_placed(&[number], &ed4)?;
@@ -90,7 +90,7 @@ pub(super) fn records(
                 let place = u16::try_from(message).ok();
                 let place = place.and_then(|message| ed25::places(message, field).next());
                 let (info, field) = place.ok_or_else(|| {
-                    Unsayable(format!("field {field} of message {message} has no place"))
+                    NoCounterpart(format!("field {field} of message {message} has no place"))
                 })?;
                 record.set(7, u32::from(info.id));
                 record.set(8, field.map_or(0, |field| field.bit + 1));
@@ -105,12 +105,12 @@ pub(super) fn records(
 }
 
 impl Steering {
-    fn mode(&mut self, ed4: &Record) -> Result<Vec<Record>, Unsayable> {
+    fn mode(&mut self, ed4: &Record) -> Result<Vec<Record>, NoCounterpart> {
         all_placed(&[42, 43], ed4)?;
         let mode = ed4.number(2).map(|mode| mode as u8);
         if let Some(mode @ (2 | 23..)) = mode {
             let why = format!("flight path control mode {mode} is flown by nothing that it has");
-            return Err(Unsayable(why));
+            return Err(NoCounterpart(why));
         }
         let commanded = [
             ed4.whole(3) != 0,
@@ -180,12 +180,12 @@ impl Steering {
 }
 
 /// Message 4: a request is a #1 that waits for coordination by the holder; the holder consents by #600.
-fn handover(own: Id, wish: &PositiveHandoverAuthorisationRequest) -> Result<Record, Unsayable> {
+fn handover(own: Id, wish: &PositiveHandoverAuthorisationRequest) -> Result<Record, NoCounterpart> {
     let levels = wish.requested_handover_loi.unwrap_or_default();
     let acquirer = wish.requesting_cucs_id.unwrap_or(own);
     if levels.is_empty() {
         let why = "a handover is refused or withdrawn by silence";
-        return Err(Unsayable(why.to_owned()));
+        return Err(NoCounterpart(why.to_owned()));
     }
     if acquirer != own {
         let mut record = empty(600)?;
@@ -203,25 +203,25 @@ fn handover(own: Id, wish: &PositiveHandoverAuthorisationRequest) -> Result<Reco
 }
 
 /// A message that names another message in this field.
-fn named(number: u16, ed4: &Record, field: u8) -> Result<Vec<Record>, Unsayable> {
+fn named(number: u16, ed4: &Record, field: u8) -> Result<Vec<Record>, NoCounterpart> {
     let mut record = placed(number, ed4)?;
     let of = u16::try_from(record.whole(field)).unwrap_or(0);
     let report = ed25::reports_of(of).next();
-    let report = report.ok_or_else(|| Unsayable(format!("it has no message for {of}")))?;
+    let report = report.ok_or_else(|| NoCounterpart(format!("it has no message for {of}")))?;
     record.set(field, report);
     Ok(vec![record])
 }
 
 /// Translates a message by the places of the table.
-fn placed(number: u16, ed4: &Record) -> Result<Record, Unsayable> {
+fn placed(number: u16, ed4: &Record) -> Result<Record, NoCounterpart> {
     all_placed(&[number], ed4)?;
     let mut record = empty(number)?;
     record.take_from(ed4);
     Ok(record)
 }
 
-fn no_place(ed4: &Record) -> Unsayable {
-    Unsayable(format!("message {} has no counterpart", ed4.id()))
+fn no_place(ed4: &Record) -> NoCounterpart {
+    NoCounterpart(format!("message {} has no counterpart", ed4.id()))
 }
 
 /// The message of Edition 4 to which a message of Edition 2.5 belongs.

@@ -31,7 +31,7 @@ use stanag_msgs::table::Direction;
 use stanag_msgs::{Id, MAX_DATAGRAM, Message, TimeStamp};
 
 use self::commands::Steering;
-pub use self::places::Unsayable;
+pub use self::places::NoCounterpart;
 use self::waiting::Waiting;
 
 /// A message as the session handles it, whatever the edition of its datagram.
@@ -81,7 +81,7 @@ impl Border {
     ///
     /// # Errors
     /// The message, or a field of it, cannot be expressed.
-    pub(crate) fn check(&self, destination: Id, message: &Message) -> Result<(), Unsayable> {
+    pub(crate) fn check(&self, destination: Id, message: &Message) -> Result<(), NoCounterpart> {
         let steering = self.steering.get(&destination).cloned();
         commands::records(self.id, &mut steering.unwrap_or_default(), message).map(drop)
     }
@@ -96,7 +96,7 @@ impl Border {
         message: &Message,
         stamp: TimeStamp,
         acknowledged: bool,
-    ) -> Result<Vec<u8>, Unsayable> {
+    ) -> Result<Vec<u8>, NoCounterpart> {
         let steering = self.steering.entry(destination).or_default();
         let mut records = commands::records(self.id, steering, message)?;
         let Some(last) = records.last() else {

@@ -12,7 +12,7 @@ use stanag_msgs::ed25::Record;
 use stanag_msgs::enums::{EoirPointingMode as Pointing, EoirSystemMode as System, SetZoom};
 use stanag_msgs::messages::EoIrLaserOperatingState;
 
-use super::places::{Unsayable, all_placed, empty};
+use super::places::{NoCounterpart, all_placed, empty};
 
 /// The payload stations of a vehicle, by their bitmap.
 #[derive(Clone, Debug, Default)]
@@ -45,7 +45,7 @@ impl Payloads {
     }
 
     /// #201.
-    pub(super) fn sensor(&mut self, ed4: &Record) -> Result<Record, Unsayable> {
+    pub(super) fn sensor(&mut self, ed4: &Record) -> Result<Record, NoCounterpart> {
         all_placed(&[SENSOR], ed4)?;
         let payload = self.0.entry(ed4.whole(STATION)).or_default();
         let shown = payload.shown("201")?;
@@ -81,7 +81,7 @@ impl Payloads {
     }
 
     /// #200.
-    pub(super) fn steering(&mut self, ed4: &Record) -> Result<Record, Unsayable> {
+    pub(super) fn steering(&mut self, ed4: &Record) -> Result<Record, NoCounterpart> {
         all_placed(&[STEERING], ed4)?;
         let payload = self.0.entry(ed4.whole(STATION)).or_default();
         let shown = payload.shown("200")?;
@@ -110,7 +110,7 @@ impl Payloads {
             let names = [3, 10].iter().any(|field| ed4.number(*field).is_some());
             if !known && !names {
                 let why = "#200 always names where to look, and #302 has not shown where it does";
-                return Err(Unsayable(why.to_owned()));
+                return Err(NoCounterpart(why.to_owned()));
             }
         }
         // A step of focus must not be repeated.
@@ -124,9 +124,9 @@ impl Payloads {
 
 impl Payload {
     /// The last #302, by the fields of 21101.
-    fn shown(&self, number: &str) -> Result<Record, Unsayable> {
+    fn shown(&self, number: &str) -> Result<Record, NoCounterpart> {
         let state = self.state.clone().ok_or_else(|| {
-            Unsayable(format!(
+            NoCounterpart(format!(
                 "#{number} always carries all of its fields, and the payload station has not shown yet what it does (#302): take LOI 3 \
                  of it, or request its state first"
             ))

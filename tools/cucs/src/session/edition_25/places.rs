@@ -5,10 +5,10 @@ use stanag_msgs::ed25::{self, Record};
 /// A message that Edition 2.5 cannot express.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("Edition 2.5 cannot say it: {0}")]
-pub struct Unsayable(pub(super) String);
+pub struct NoCounterpart(pub(super) String);
 
 /// Whether each field with a value has a place in one of these messages.
-pub(super) fn all_placed(numbers: &[u16], ed4: &Record) -> Result<(), Unsayable> {
+pub(super) fn all_placed(numbers: &[u16], ed4: &Record) -> Result<(), NoCounterpart> {
     let Some(info) = ed25::record::ed4(ed4.id()) else {
         return Ok(());
     };
@@ -20,13 +20,13 @@ pub(super) fn all_placed(numbers: &[u16], ed4: &Record) -> Result<(), Unsayable>
         let has_place =
             field.name.contains("17-32") || places.any(|(info, _)| numbers.contains(&info.id));
         if (has_value || !ed4.text(number).is_empty()) && !has_place {
-            return Err(Unsayable(format!("{} of {}", field.name, info.id)));
+            return Err(NoCounterpart(format!("{} of {}", field.name, info.id)));
         }
     }
     Ok(())
 }
 
 /// A message without values.
-pub(super) fn empty(number: u16) -> Result<Record, Unsayable> {
-    Record::ed25(number).ok_or_else(|| Unsayable(format!("#{number}")))
+pub(super) fn empty(number: u16) -> Result<Record, NoCounterpart> {
+    Record::ed25(number).ok_or_else(|| NoCounterpart(format!("#{number}")))
 }
