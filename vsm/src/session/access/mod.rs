@@ -94,7 +94,7 @@ pub enum RenewError {
     #[error(transparent)]
     List(#[from] ListError),
     /// It is older than the one in force.
-    #[error("the access list is version {found}, older than version {in_force}, which is in force: sign it as version {}", .in_force + 1)]
+    #[error("the access list is version {found}, older than version {in_force}, which is in force: sign it as version {}", .in_force.saturating_add(1))]
     Older {
         /// The file's version.
         found: u64,
@@ -102,7 +102,7 @@ pub enum RenewError {
         in_force: u64,
     },
     /// Two different lists were signed with the same version.
-    #[error("this access list differs from the one in force but has the same version ({version}): sign it as version {}", .version + 1)]
+    #[error("this access list differs from the one in force but has the same version ({version}): sign it as version {}", .version.saturating_add(1))]
     Another {
         /// The version of both.
         version: u64,

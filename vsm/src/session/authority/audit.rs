@@ -419,12 +419,13 @@ impl Chain {
             .and_then(|line| line.get(HASH_DIGITS + 1..))
             .and_then(|object| serde_json::from_slice::<First>(object).ok());
         match first {
+            // The number is the file's own claim: counting on from a forged one must not overflow.
             Some(First {
                 line,
                 after: Some(last),
                 key,
                 ..
-            }) => Chain {
+            }) if line <= MAX_LINE => Chain {
                 lines: line.saturating_sub(1),
                 last,
                 keyed: key,
@@ -458,6 +459,8 @@ pub(crate) const AUDIT_KEY: &str = "audit.key";
 /// The key is 64 digits; no more than this is read.
 const MAX_KEY_BYTES: u64 = 256;
 const HASH_DIGITS: usize = 64;
+/// No log gets here: a line a microsecond for three centuries.
+const MAX_LINE: u64 = 1 << 53;
 
 #[cfg(test)]
 mod tests {
@@ -597,5 +600,22 @@ mod tests {
             (verified.broken, verified.other_key),
             (None, Some(key.id()))
         );
+    }
+
+    #[test]
+    fn a_log_that_claims_to_follow_more_lines_than_any_has_is_broken() {
+        let chain = Chain {
+            lines: u64::MAX - 2,
+            last: "0".repeat(HASH_DIGITS),
+            keyed: None,
+        };
+        let wall = Duration::from_secs(1_800_000_000);
+        let vehicle = Id(0x1b00_0101);
+        let (next, first) = chain.extended(None, wall, vehicle, &Entry::Continued);
+        let (_, second) = next.extended(None, wall, vehicle, &Entry::NotKept);
+        let bytes = format!("{first}{second}{second}");
+        let verified = Chain::verify(bytes.as_bytes(), None, 0);
+        assert_eq!(verified.broken, Some(Broken { line: 1 }));
+        assert_eq!(verified.chain.lines(), 3);
     }
 }
