@@ -421,7 +421,7 @@ fn a_controller_that_returns_to_its_address_is_back_within_seconds() {
     }
 }
 
-/// The programs of one computer have a port each, and `cucs` another one at each call: no move that anybody wants to read of.
+/// The programs of one computer have a port each, and `cucs` another one at each call.
 #[test]
 fn a_move_to_another_computer_is_logged_and_one_to_another_port_is_not() {
     let mut rig = Rig::new(Setup::default());

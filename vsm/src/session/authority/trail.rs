@@ -277,7 +277,7 @@ pub(super) struct Trail {
     chain: Chain,
     /// Length of the file that is being written; 0 before its first line.
     bytes: usize,
-    /// Its last changes are not in effect, and no line says so yet.
+    /// Its last changes are not in effect, and no line records that yet.
     retracts: bool,
 }
 
