@@ -65,8 +65,8 @@ use crate::config::Provisional;
 #[derive(Debug, Default)]
 pub(crate) struct Reports {
     push: Push,
-    /// Which of the listeners is first when reports are next published on schedule.
-    next_listener: usize,
+    /// The listener at which publishing on schedule stopped, and when: it continues there at once.
+    unfinished: Option<(usize, Duration)>,
     requests: Requests,
     answers: AnswerQueue,
     configuration: Configuration,
@@ -309,7 +309,7 @@ impl Reports {
             answers,
             health,
             events,
-            next_listener: _,
+            unfinished,
             configuration: _,
             parameters: _,
             settings: _,
@@ -319,6 +319,7 @@ impl Reports {
         } = self;
         [
             push.poll_timeout(),
+            unfinished.map(|(_, at)| at),
             requests.poll_timeout(),
             answers.poll_timeout(),
             health.poll_timeout(),
@@ -488,16 +489,17 @@ impl Reports {
     /// that is next, so that none is always the last.
     fn push_due(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let listeners = effects.listeners.len();
-        let (first, mut published) = (self.next_listener, 0);
+        let first = self.unfinished.take().map_or(0, |(listener, _)| listener);
+        let mut published = 0;
         for turn in 0..listeners {
             let index = (first + turn) % listeners;
-            self.next_listener = index;
             let station = effects.listeners[index];
             let steers = |one: &GroundStation| context.payload.steers(one.id());
             let payload = (context.stations.get(station)).is_some_and(steers)
                 && context.provisional(station) != Provisional::Off;
             loop {
                 if published == MOST_AT_ONCE {
+                    self.unfinished = Some((index, context.mono()));
                     return;
                 }
                 let Some(message) = self.push.next_due(context.mono(), station, payload) else {
