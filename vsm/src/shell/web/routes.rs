@@ -260,6 +260,7 @@ const ASSETS: &[(&str, &str, &[u8])] = assets! {
     "style.css" "text/css",
     "main.js" "text/javascript",
     "beat.js" "text/javascript",
+    "commands.js" "text/javascript",
     "confirm.js" "text/javascript",
     "control.js" "text/javascript",
     "drawing.js" "text/javascript",

@@ -1,22 +1,17 @@
 // Control: this page as a ground station. What it sends are messages of the DLI over the WebSocket; what it shows of the vehicle
 // is what the vehicle reports, elsewhere on the page, and here what became of each command.
 
+import { Commands, remember, set } from "./commands.js";
 import { confirmed } from "./confirm.js";
 import { Drawing } from "./drawing.js";
 import * as messages from "./messages.js";
 import { begins, leadToNext, showNext } from "./next.js";
 import { ControlSocket, importKey } from "./socket.js";
-import { altitudeIn, altitudeUnit, height, time } from "./units.js";
+import { altitudeIn, altitudeUnit, height, name } from "./units.js";
 
 const by = (id) => document.getElementById(id);
-const MAX_SHOWN = 30;
-const MAX_KEPT = 1000;
-// Why a command is refused comes as an alert beside the answer.
-const REASON_WITHIN_MS = 2000;
 // The bridge ends a connection over a frame of more than 256 KiB: the route, as JSON, has to leave room for the rest of its frame.
 const MAX_ROUTE_BYTES = 250_000;
-// The status is asked for twice a second.
-const SHOWN_WITHIN_MS = 1000;
 
 const idText = (id) => (typeof id === "string" ? id : (id >>> 0).toString(16).padStart(8, "0").replace(/(..)(?=.)/g, "$1:"));
 
@@ -35,15 +30,13 @@ export class Control {
   #vsm = null;
   #loi = [];
   #beat = null;
-  /** What was sent, the newest first: {label, vehicle, state, kind, stamp, n, at}. */
-  #commands = [];
+  #commands = new Commands(by("commands"), (text, kind) => this.#say(text, kind));
   /** By vehicle and alert: to whom its 16000 belongs, and its stamp. */
   #alerts = new Map();
   /** By vehicle: {cucs, levels} that asks for what this station holds. */
   #asked = new Map();
   /** That of them which the page shows. */
   #read = null;
-  #parts = new Map();
   #route = null;
   /** Why a route was not sent, as long as that is so. */
   #unsent = null;
@@ -124,7 +117,7 @@ export class Control {
       const { unsent: drawn, listening: drawing, points } = this.#drawing;
       showNext({
         connected, own: this.#own, vehicle, drawing, drawn, points: points.length, fault: this.#drawing.fault(),
-        route: route?.aboard === true, altitude: altitudeIn(by("launch-altitude")), waiting: this.#waiting(),
+        route: route?.aboard === true, altitude: altitudeIn(by("launch-altitude")), waiting: this.#commands.waiting,
       });
       if (this.#unsent && this.#drawing.fault() !== this.#unsent) {
         this.#unsent = null;
@@ -141,12 +134,6 @@ export class Control {
     by("asked").hidden = !asked || !held || !vehicle.handovers.some(({ to }) => to === asked.cucs);
     if (asked) set(by("asked-text"), `${asked.cucs} asks for ${asked.levels.join(", ")}`);
     this.#read = asked;
-  }
-
-  /** The newest command has no answer yet, or the vehicle has had no time to show what became of it. */
-  #waiting() {
-    const [newest] = this.#commands;
-    return newest !== undefined && (newest.state === "sent" || performance.now() - newest.at < SHOWN_WITHIN_MS);
   }
 
   async #connect() {
@@ -187,12 +174,7 @@ export class Control {
     this.#routeEnds();
     this.#alerts.clear();
     this.#asked.clear();
-    for (const one of this.#commands) {
-      // The next connection numbers its frames from the beginning.
-      one.n = null;
-      if (one.state === "sent") Object.assign(one, { state: "not answered: the connection has ended", kind: "bad" });
-    }
-    this.#drawCommands();
+    this.#commands.end();
     if (this.#leaves) this.#say("disconnected; to be the same station again, press Connect", "");
     else this.#say(why ? `disconnected: ${why}` : "disconnected", why ? "bad" : "");
     this.draw();
@@ -226,7 +208,7 @@ export class Control {
   async #command(label, make, vehicle = this.#chosen()) {
     if (!vehicle || !(await this.#turn(label))) return;
     const message = make(vehicle);
-    const one = this.#add(label, vehicle, message.fields["Time Stamp"]);
+    const one = this.#commands.add(label, vehicle, message.fields["Time Stamp"]);
     one.n = this.#socket.send({ message });
   }
 
@@ -356,7 +338,7 @@ export class Control {
     }
     if (vehicle.armed !== false && !(await confirmed(`${name(vehicle)} may be flying: load the ${label} into it?`, "Load"))) return false;
     if (!(await this.#turn(label))) return false;
-    const one = this.#add(label, vehicle, null);
+    const one = this.#commands.add(label, vehicle, null);
     this.#underway = { one };
     this.#underway.ended = new Promise((end) => { this.#underway.end = end; });
     one.n = this.#socket.send({ route: { vehicle: vehicle.id, stamp: messages.stamp(), ...route } });
@@ -387,7 +369,7 @@ export class Control {
     if (body.route) return this.#routed(body.route);
     const { id, source, fields } = body.message ?? {};
     const from = source === undefined ? null : idText(source);
-    if (id === 17000) this.#answered(fields);
+    if (id === 17000) this.#commands.answered(fields);
     else if (id === 16000) this.#alerted(from, fields);
     else if (id === 4) {
       const asked = { cucs: idText(fields["Requesting CUCS ID"]), levels: fields["Requested/Handover LOI"] ?? [] };
@@ -399,110 +381,27 @@ export class Control {
   }
 
   #failed({ of, why }) {
-    const one = this.#commands.find((known) => known.n === of);
+    const one = this.#commands.inFrame(of);
     if (one && one === this.#underway?.one) this.#routeEnds();
-    this.#finish(one, `not used: ${why}`, "bad");
+    this.#commands.finish(one, `not used: ${why}`, "bad");
   }
 
   #routed({ of, load, lost }) {
-    const one = this.#commands.find((known) => known.n === of);
+    const one = this.#commands.inFrame(of);
     messages.stampedUntil(load);
     this.#routeEnds();
     if (!one) return;
     one.stamp = load;
     // Beside whatever becomes of it: an upload that is accepted is accepted without these.
     if (lost.length > 0) one.label += `, without ${lost.join(", ")}`;
-    this.#drawCommands();
-  }
-
-  #answered(fields) {
-    const one = this.#commands.find((known) => known.stamp === fields["Original Message Time Stamp"]);
-    const kind = fields["Acknowledgement Type"];
-    if (kind === "refused") this.#finish(one, "REFUSED", "bad");
-    else if (kind === "carried out") this.#finish(one, "accepted", "good");
-    else if (one?.state === "sent") this.#finish(one, "received", "");
+    this.#commands.draw();
   }
 
   #alerted(from, fields) {
-    const alert = Math.abs(fields["Alert (Warning) ID"] ?? 0);
-    remember(this.#alerts, `${from} ${alert}`, { from, stamp: fields["Time Stamp"] });
-    const text = this.#whole(`${from} ${alert}`, fields);
-    // A reason stands beside its refusal, before or behind it, and comes from the vehicle that has refused.
-    if (text === null || fields.Priority === "nominal" || fields.Priority?.startsWith("cleared")) return;
-    const now = performance.now();
-    this.#reasons = this.#reasons.filter(({ at }) => now - at < REASON_WITHIN_MS);
-    this.#reasons.push({ at: now, from, text });
-    const refused = this.#commands.find((one) => one.vehicle === from && one.state.startsWith("REFUSED") && now - one.at < REASON_WITHIN_MS);
-    if (refused) this.#finish(refused, "REFUSED", "bad");
-  }
-
-  #reasons = [];
-
-  /** The text of an alert, once its last part is there; null before. */
-  #whole(key, fields) {
-    const [order, total, text] = [fields["Append Order"], fields["Append Total Number"] ?? 1, fields.Text ?? ""];
-    if (total <= 1 || order === undefined) return text;
-    const parts = this.#parts.get(key) ?? new Map();
-    remember(this.#parts, key, parts.set(order, text));
-    if (parts.size < total) return null;
-    this.#parts.delete(key);
-    return [...parts].sort(([a], [b]) => a - b).map(([, part]) => part).join("");
-  }
-
-  #add(what, vehicle, stamp) {
-    const label = `${what}: ${name(vehicle)}`;
-    this.#say(`${label}: sent`, "");
-    const one = { label, vehicle: vehicle.id, state: "sent", kind: "", stamp, at: performance.now(), since: Date.now() };
-    this.#commands.unshift(one);
-    this.#commands.length = Math.min(this.#commands.length, MAX_SHOWN);
-    this.#drawCommands();
-    return one;
-  }
-
-  #finish(one, state, kind) {
-    if (!one) return;
-    const now = performance.now();
-    if (state === "REFUSED") {
-      if (!one.state.startsWith("REFUSED")) one.at = now;
-      const texts = this.#reasons
-        .filter(({ at, from }) => from === one.vehicle && Math.abs(at - one.at) < REASON_WITHIN_MS)
-        .map(({ text }) => text);
-      one.state = ["REFUSED", ...new Set(texts)].join(": ");
-    } else {
-      one.state = state;
-    }
-    if (state !== "REFUSED") one.at = now;
-    one.kind = kind;
-    // What became of the newest stands where it is seen, whatever is scrolled.
-    if (one === this.#commands[0]) this.#say(`${one.label}: ${one.state}`, kind);
-    this.#drawCommands();
-  }
-
-  /** A row of its own for each, so that a screen reader reads what has changed. */
-  #drawCommands() {
-    const list = by("commands");
-    this.#commands.forEach((one, i) => {
-      one.row ??= document.createElement("li");
-      one.row.className = one.kind;
-      set(one.row, `${time(one.since)} ${one.label}: ${one.state}`);
-      if (list.children[i] !== one.row) list.insertBefore(one.row, list.children[i] ?? null);
-    });
-    while (list.children.length > this.#commands.length) list.lastChild.remove();
+    remember(this.#alerts, `${from} ${Math.abs(fields["Alert (Warning) ID"] ?? 0)}`, { from, stamp: fields["Time Stamp"] });
+    this.#commands.alerted(from, fields);
   }
 }
-
-/** Keeps an entry as the newest; the oldest make room, so that a page that is open for days stays small. */
-function remember(entries, key, value) {
-  entries.delete(key);
-  entries.set(key, value);
-  if (entries.size > MAX_KEPT) entries.delete(entries.keys().next().value);
-}
-
-const name = (vehicle) => vehicle.tail_number || vehicle.id;
 
 /** What a silent vehicle has reported last is not known now: nothing is asked, advised or left out by it. The bridge judges alike. */
 const asKnown = (vehicle) => (vehicle && !vehicle.live ? { ...vehicle, armed: null, on_ground: null, mode: null, flies_to: null } : vehicle);
-
-function set(node, text) {
-  if (node.textContent !== text) node.textContent = text;
-}

@@ -56,3 +56,6 @@ export function altitudeIn(field) {
 
 /** Metres as they are typed. */
 export const inAltitude = (m) => String(Number((units === "aviation" ? m * FEET : m).toFixed(1)));
+
+/** What a vehicle is called. */
+export const name = (vehicle) => vehicle.tail_number || vehicle.id;
