@@ -261,6 +261,23 @@ def control_is_handed_over(checks, opened, second):
     checks.check("the page shows who controls now", "1b:00:00:a0 (controls)" in opened.text("#holders"), opened.text("#holders"))
 
 
+def control_is_asked_for(checks, opened, second):
+    """Of the ground station that has it, which consents."""
+    checks.step("this ground station asks for control")
+    page = opened.page
+    opened.until("document.getElementById('next').textContent.includes('ask for control')")
+    other = subprocess.Popen(shlex.split(second.removesuffix(" ask") + " consent"), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        page.locator("#ask").click()
+        said, _ = other.communicate(timeout=30)
+        checks.check("the other one consents", other.returncode == 0, said)
+    finally:
+        other.kill()
+    newest(opened, "accepted")
+    opened.until("document.getElementById('station-rights').textContent.includes('control')")
+    checks.check("it has control", "control" in opened.text("#station-rights"), opened.text("#station-rights"))
+
+
 def looks_well(checks, browser, url, station, key):
     for name, options in LOOKS.items():
         checks.step(f"accessible with control: {name}")
@@ -481,6 +498,39 @@ def the_connection_ends(checks, opened, over):
     over.clear()
 
 
+def it_breaks(checks, browser, url, station, key):
+    """Between page and bridge: what neither end has wanted, and what the bridge has."""
+    checks.step("the connection breaks")
+    opened = browser.open(url)
+    page = opened.page
+    between = []
+
+    def watch(socket):
+        socket.connect_to_server()
+        between.append(socket)
+
+    page.route_web_socket("**/control", watch)
+    page.reload()
+    opened.until("document.querySelector('#vehicle dd')?.textContent === 'live'")
+    connect(opened, station, key)
+    opened.until("!document.getElementById('station').hidden")
+    take(opened)
+    # As of a bridge that stops; its successor answers.
+    between[-1].close(code=1001)
+    says(opened, "connecting again")
+    says(opened, "connected again")
+    checks.check("it is opened again, once, without a press", len(between) == 2 and page.locator("#station").is_visible(), len(between))
+    opened.until("document.getElementById('station-rights').textContent.includes('control')")
+    checks.check("control was kept", "control" in opened.text("#station-rights"), opened.text("#station-rights"))
+    release(opened)
+    between[-1].close(code=4001)
+    says(opened, "connected from elsewhere")
+    page.wait_for_timeout(2_500)
+    checks.check("what was ended on purpose is not opened again", page.locator("#sign-in").is_visible() and len(between) == 2, len(between))
+    checks.check("the console is empty", not opened.complaints, opened.complaints)
+    opened.close()
+
+
 def asks_and_ends(checks, browser, url, station, key):
     checks.step("two presses of Connect")
     opened = browser.open(url)
@@ -534,6 +584,24 @@ def flies(checks, browser, url, station, key, vehicle_process, second, shots):
     newest(opened, "REFUSED")
     opened.until("document.querySelector('#commands li').textContent.match(/LOI/)")
     checks.check("without a level a launch is refused with its reason", "LOI" in page.locator("#commands li").first.inner_text(), opened.text("#commands"))
+    opened.until("document.getElementById('control-state').textContent.startsWith('REFUSED: it needs LOI')")
+    seen = page.evaluate(
+        """() => {
+            const line = document.getElementById('control-state');
+            const reason = document.createRange();
+            reason.setStart(line.firstChild, 0);
+            reason.setEnd(line.firstChild, line.textContent.lastIndexOf(' ('));
+            return reason.getBoundingClientRect().bottom <= line.getBoundingClientRect().bottom;
+        }"""
+    )
+    checks.check("the line above has all of its reason", seen, opened.text("#control-state"))
+    checks.check("after a refusal nothing is waited for", opened.text("#next") == "Next: take control", opened.text("#next"))
+    drawable = page.locator("#draw").get_attribute("class") or ""
+    checks.check("a route may be drawn without control", "idle" not in drawable, drawable)
+    page.locator("#launch-altitude").press("Enter")
+    page.wait_for_timeout(300)
+    checks.check("Enter in the field of the launch asks, and answers nothing", page.locator("#confirm").is_visible())
+    page.locator("#confirm-no").click()
     take(opened)
     checks.check("control is taken", "control" in opened.text("#station-rights"), opened.text("#station-rights"))
 
@@ -550,9 +618,13 @@ def flies(checks, browser, url, station, key, vehicle_process, second, shots):
         field.fill("20")
         field.press("Tab")
     page.locator("#route-altitude").fill("25")
+    page.wait_for_timeout(700)
+    checks.check("once it is given, the line has the last result again", opened.text("#control-state").startswith("take: "), opened.text("#control-state"))
     page.mouse.click(middle[0] + DRAWN[2][0], middle[1] + DRAWN[2][1])
     page.locator("#draw").click()
     checks.check("three points are drawn", page.locator("#draft li").count() == 3)
+    below = page.evaluate("['launch', 'fly'].filter((id) => document.getElementById(id).getBoundingClientRect().bottom > innerHeight)")
+    checks.check("what flies them is in sight", below == [], below)
     page.locator("#units").select_option("aviation")
     typed = page.locator("#draft input").first.input_value()
     checks.check("in feet it is the same altitude", abs(float(typed) - 65.6) < 0.1, typed)
@@ -563,6 +635,8 @@ def flies(checks, browser, url, station, key, vehicle_process, second, shots):
     route = page.evaluate("fetch('map.json').then((answer) => answer.json()).then((all) => all[0].route)")
     above = [round(one["amsl_m"] - 488) for one in route["waypoints"]]
     checks.check("the vehicle has it, at its altitudes", above == [20, 20, 25], above)
+    opened.until("document.getElementById('profile-text').textContent.startsWith('altitude above home')")
+    checks.check("the profile has them as they were typed", "25.0 m" in page.locator("#profile").text_content(), page.locator("#profile").text_content())
 
     checks.step("it is flown")
     page.locator("#launch").click()
@@ -607,6 +681,7 @@ def flies(checks, browser, url, station, key, vehicle_process, second, shots):
     a_file_is_dropped(checks, opened)
     an_alert_is_acknowledged(checks, opened, station, vehicle_process)
     control_is_handed_over(checks, opened, second)
+    control_is_asked_for(checks, opened, second)
     page.locator("#disconnect").click()
     opened.until("!document.getElementById('sign-in').hidden")
     checks.step("the frames and their JSON Schema")
@@ -633,6 +708,7 @@ def main():
     with Browser() as browser:
         kept_out(checks, browser, arguments.url, arguments.station, key)
         looks_well(checks, browser, arguments.url, arguments.station, key)
+        it_breaks(checks, browser, arguments.url, arguments.station, key)
         asks_and_ends(checks, browser, arguments.url, arguments.station, key)
         flies(checks, browser, arguments.url, arguments.station, key, arguments.low_battery, arguments.second, arguments.shots)
     checks.close()

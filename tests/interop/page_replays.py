@@ -4,6 +4,7 @@
 """
 
 import argparse
+import re
 import sys
 from urllib.parse import parse_qs, urlsplit
 
@@ -80,13 +81,18 @@ def main():
         checks.check("nothing can be commanded", not page.locator("#control").is_visible())
         checks.check("it says that no signatures are recorded", "signatures are not recorded" in opened.text("#link"), opened.text("#link"))
 
+        scale = opened.text(".leaflet-control-scale-line >> nth=0")
+        checks.check("the map begins where it was flown", re.fullmatch(r"\d+ m", scale), scale)
         opened.until("document.querySelectorAll('img.leaflet-tile-loaded').length > 0")
         checks.check("the ground of its file is under the map", True)
 
         checks.step("played")
         begun, at_first = place(page), moment(page)
         page.locator("#speed").select_option("20")
+        places = lambda: page.locator("#back").bounding_box()["x"]
+        still = places()
         page.locator("#play").click()
+        checks.check("no button moves away as Play becomes Pause", places() == still, (still, places()))
         opened.until("Number(document.getElementById('moment').value) > 8000")
         page.locator("#play").click()
         stopped = moment(page)

@@ -39,10 +39,18 @@ export class Commands {
     return this.#all.find((known) => known.n === n);
   }
 
-  /** The newest command has no answer yet, or the vehicle has had no time to show what became of it. */
+  /** The newest command has no answer yet, or the vehicle has had no time to show what became of it. What was refused it never shows. */
   get waiting() {
     const [newest] = this.#all;
-    return newest !== undefined && (newest.state === "sent" || performance.now() - newest.at < SHOWN_WITHIN_MS);
+    if (newest === undefined || newest.kind === "bad") return false;
+    return newest.state === "sent" || performance.now() - newest.at < SHOWN_WITHIN_MS;
+  }
+
+  /** Shows once more what became of the newest; false where there is none. */
+  sayNewest() {
+    const [newest] = this.#all;
+    if (newest) this.#say(...inShort(newest));
+    return newest !== undefined;
   }
 
   /** The connection has ended. */
@@ -95,13 +103,14 @@ export class Commands {
       const texts = this.#reasons
         .filter(({ at, from }) => from === one.vehicle && Math.abs(at - one.at) < REASON_WITHIN_MS)
         .map(({ text }) => text);
-      one.state = ["REFUSED", ...new Set(texts)].join(": ");
+      one.reasons = [...new Set(texts)];
+      one.state = ["REFUSED", ...one.reasons].join(": ");
     } else {
       one.state = state;
     }
     if (state !== "REFUSED") one.at = now;
     one.kind = kind;
-    if (one === this.#all[0]) this.#say(`${one.label}: ${one.state}`, kind);
+    if (one === this.#all[0]) this.sayNewest();
     this.draw();
   }
 
@@ -115,6 +124,16 @@ export class Commands {
     });
     while (this.#list.children.length > this.#all.length) this.#list.lastChild.remove();
   }
+}
+
+/**
+ * For a line that is cut where it is long: what went wrong, and why, comes first there; what was sent its reader knows. What a reason has
+ * before "refused: " names that only.
+ */
+function inShort({ label, state, kind, reasons = [] }) {
+  if (kind !== "bad") return [`${label}: ${state}`, kind];
+  const why = reasons.map((text) => text.replace(/^.*? refused: /, ""));
+  return [`${why.length > 0 ? ["REFUSED", ...why].join(": ") : state} (${label})`, kind];
 }
 
 /** Keeps an entry as the newest; the oldest make room, so that a page that is open for days stays small. */

@@ -12,6 +12,8 @@ import { altitudeIn, altitudeUnit, height, name } from "./units.js";
 const by = (id) => document.getElementById(id);
 // The bridge ends a connection over a frame of more than 256 KiB: the route, as JSON, has to leave room for the rest of its frame.
 const MAX_ROUTE_BYTES = 250_000;
+// A bridge that is started again reads what it has stored; a controller may be silent for 10 s.
+const AGAIN_AFTER_MS = 1000;
 
 const idText = (id) => (typeof id === "string" ? id : (id >>> 0).toString(16).padStart(8, "0").replace(/(..)(?=.)/g, "$1:"));
 
@@ -27,6 +29,8 @@ export class Control {
   #key = null;
   /** It is this page that ends the connection. */
   #leaves = false;
+  /** The timer by which a connection that has broken is opened again. */
+  #again = 0;
   #vsm = null;
   #loi = [];
   #beat = null;
@@ -60,9 +64,15 @@ export class Control {
       if (this.#socket && this.#flown(this.#all()).length > 0) event.preventDefault();
     });
     for (const [field, button] of [["launch-altitude", "launch"], ["fly-from", "fly"]])
-      by(field).addEventListener("keydown", ({ key }) => { if (key === "Enter") by(button).click(); });
+      by(field).addEventListener("keydown", (event) => {
+        if (event.key !== "Enter") return;
+        // Else it presses what has the keyboard then: No, of the question that has just been asked.
+        event.preventDefault();
+        by(button).click();
+      });
     on("next", leadToNext);
     on("take", () => this.#take());
+    on("ask", () => this.#command("ask for control", ({ id }) => messages.ask(id, this.#vsm, this.#own, this.#loi)));
     on("release", () => this.#release());
     on("send-drawn", () => this.#sendDrawn());
     by("route-file").addEventListener("change", () => this.#sendFile(by("route-file").files[0]));
@@ -121,7 +131,7 @@ export class Control {
       });
       if (this.#unsent && this.#drawing.fault() !== this.#unsent) {
         this.#unsent = null;
-        if (connected) this.#sayConnected();
+        if (connected) this.#sayLast();
       }
       this.#drawing.refresh();
     }
@@ -136,20 +146,25 @@ export class Control {
     this.#read = asked;
   }
 
-  async #connect() {
+  /** `broken`: a connection that broke is opened again. */
+  async #connect(broken = false) {
     // A second connection would take the place of the first, whose end would be taken for its own.
     if (this.#connecting || this.#socket) return;
+    // Who fills in the form meanwhile connects by himself.
+    if (broken && (by("station-id").value !== this.#own || by("key").value !== "" || by("key-file").files.length > 0)) return;
     this.#connecting = true;
+    clearTimeout(this.#again);
     const id = by("station-id").value.trim().toLowerCase();
-    this.#say("connecting", "");
+    if (!broken) this.#say("connecting", "");
     let key;
     try {
       const file = by("key-file").files[0];
       const typed = file ? await file.text() : by("key").value;
       key = typed === "" && id === this.#own && this.#key ? this.#key : await importKey(typed);
-      [this.#socket, { vsm: this.#vsm, loi: this.#loi }] = await ControlSocket.open(id, key, (body) => this.#taken(body), (why) => this.#ended(why));
+      [this.#socket, { vsm: this.#vsm, loi: this.#loi }] = await ControlSocket.open(id, key, (body) => this.#taken(body), (why, breaks) => this.#ended(why, breaks));
     } catch (fault) {
-      this.#say(`not connected: ${fault.message ?? fault}`, "bad");
+      if (broken && fault.broken) this.#connectSoon();
+      else this.#say(`not connected: ${fault.message ?? fault}`, "bad");
       return;
     } finally {
       this.#connecting = false;
@@ -157,17 +172,24 @@ export class Control {
     // The key is in the hands of the browser now: it is not kept where it was typed.
     by("sign-in").reset();
     by("station-id").value = id;
+    by("key").placeholder = "as before";
     [this.#own, this.#key, this.#leaves] = [id, key, false];
     set(by("station-name"), id);
-    this.#sayConnected();
+    this.#say(`connected${broken ? " again" : ""} as ${id}; may hold LOI ${this.#loi.join(", ")}`, "good");
     this.#beat = new Worker("page/beat.js");
     // At once, whatever else is under way: who is silent loses control.
     this.#beat.onmessage = () => this.#socket?.send({ message: messages.heartbeat(this.#vsm) });
     this.draw();
-    by("take").focus();
+    // Who was elsewhere when it broke stays there.
+    if (!broken) by("take").focus();
   }
 
-  #ended(why) {
+  #connectSoon() {
+    this.#again = setTimeout(() => this.#connect(true), AGAIN_AFTER_MS);
+  }
+
+  /** `breaks`: nobody has ended it. Then it is opened again: a station that is silent loses control, and its vehicle may be in flight. */
+  #ended(why, breaks) {
     this.#beat?.terminate();
     this.#socket = null;
     this.#map.stop();
@@ -175,13 +197,17 @@ export class Control {
     this.#alerts.clear();
     this.#asked.clear();
     this.#commands.end();
-    if (this.#leaves) this.#say("disconnected; to be the same station again, press Connect", "");
+    if (breaks) {
+      this.#say(`disconnected: ${why}; connecting again as ${this.#own}`, "bad");
+      this.#connectSoon();
+    } else if (this.#leaves) this.#say("disconnected; to be the same station again, press Connect", "");
     else this.#say(why ? `disconnected: ${why}` : "disconnected", why ? "bad" : "");
     this.draw();
   }
 
-  #sayConnected() {
-    this.#say(`connected; may hold LOI ${this.#loi.join(", ")}`, "good");
+  /** What was said of a tool or a field is over. */
+  #sayLast() {
+    if (!this.#commands.sayNewest()) this.#say("", "");
   }
 
   #say(text, kind) {
@@ -264,7 +290,8 @@ export class Control {
     if (!this.#isUsable("fly-from")) return;
     const from = by("fly-from").value.trim();
     const number = from === "" ? null : Number(from);
-    const route = number === null ? "fly the route that is loaded" : `fly the route from waypoint ${number}`;
+    const waypoints = this.#route?.aboard === true ? ` of ${this.#route.waypoints.length} waypoints` : "";
+    const route = number === null ? `fly the loaded route${waypoints}` : `fly the route from waypoint ${number}`;
     // PX4 takes the mode on the ground too, and stays there.
     const what = this.#chosen()?.on_ground === true ? `${route} (it stands on the ground, and waits there until it is launched)` : route;
     this.#ask(what, "Fly", ({ id }) => messages.flyRoute(id, number));
@@ -273,7 +300,7 @@ export class Control {
   #loiterPressed(is) {
     by("loiter").setAttribute("aria-pressed", String(is));
     if (is) this.#say("click on the map where it is to loiter; Escape: not", "");
-    else this.#sayConnected();
+    else this.#sayLast();
   }
 
   #loiter(at) {

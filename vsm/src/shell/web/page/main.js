@@ -64,7 +64,7 @@ function draw() {
   const shape = shapes.find((one) => one.id === vehicle.id);
   control?.draw(shape?.route ?? null);
   map.drawVehicles(status.vehicles, vehicle.id, timeLine?.at);
-  drawProfile(document.getElementById("profile"), document.getElementById("profile-text"), shape?.route, vehicle);
+  drawProfile(document.getElementById("profile"), document.getElementById("profile-text"), shape?.route, vehicle, shape?.home);
 }
 
 function drawShapes() {

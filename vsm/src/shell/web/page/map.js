@@ -6,10 +6,10 @@
 const TRACK_POINTS = 2000;
 // Beyond so many vehicles those that are not chosen are dots, without track and plan: a page must stay quick with a thousand.
 const MANY = 60;
-const GRID_STEPS_DEG = [10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001];
+const GRID_STEPS_DEG = [90, 45, 30, 20, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001];
 
-const latitude = (value) => `${Math.abs(value).toFixed(4)}° ${value < 0 ? "S" : "N"}`;
-const longitude = (value) => `${Math.abs(value).toFixed(4)}° ${value < 0 ? "W" : "E"}`;
+const latitude = (value, digits) => `${Math.abs(value).toFixed(digits)}° ${value < 0 ? "S" : "N"}`;
+const longitude = (value, digits) => `${Math.abs(value).toFixed(digits)}° ${value < 0 ? "W" : "E"}`;
 
 /** Lines of latitude and longitude, at steps that suit the zoom. */
 function drawGrid(map, grid) {
@@ -17,6 +17,7 @@ function drawGrid(map, grid) {
   const bounds = map.getBounds();
   const wide = bounds.getEast() - bounds.getWest();
   const step = GRID_STEPS_DEG.find((each) => wide / each >= 4) ?? GRID_STEPS_DEG.at(-1);
+  const digits = Math.max(0, Math.ceil(-Math.log10(step)));
   const line = (from, to, text, at, kind) => {
     L.polyline([from, to], { className: "grid", interactive: false, weight: 1 }).addTo(grid);
     L.marker(at, { interactive: false, keyboard: false, icon: L.divIcon({ className: `grid-text ${kind}`, html: "", iconSize: [0, 0] }) })
@@ -24,9 +25,9 @@ function drawGrid(map, grid) {
   };
   const [south, north, west, east] = [bounds.getSouth(), bounds.getNorth(), bounds.getWest(), bounds.getEast()];
   for (let at = Math.ceil(south / step) * step; at <= north; at += step)
-    line([at, west], [at, east], latitude(at), [at, west], "parallel");
+    line([at, west], [at, east], latitude(at, digits), [at, west], "parallel");
   for (let at = Math.ceil(west / step) * step; at <= east; at += step)
-    line([south, at], [north, at], longitude(at), [north, at], "meridian");
+    line([south, at], [north, at], longitude(at, digits), [north, at], "meridian");
 }
 
 const icon = (className, text, size) => {
@@ -163,6 +164,10 @@ export class VehiclesMap {
   /** The whole tracks of a recording: points of time, ms, latitude and longitude. */
   setTracks(tracks) {
     this.#tracks = new Map(tracks);
+    // At its first moment a vehicle often has no place yet: what is shown first is where all of it is flown.
+    const all = L.latLngBounds(tracks.flatMap(([, points]) => points.map(([, north, east]) => [north, east])));
+    if (all.isValid()) this.#bounds = all;
+    this.#show();
   }
 
   /** Where the vehicle was: since the page was opened, or in a recording until this moment. */

@@ -43,6 +43,9 @@ export const handOver = (vehicle, vsm, to, named) => message(4, vehicle, {
   "Requesting CUCS ID": number(to),
 });
 
+/** Message 4 that names its sender: a request that the holder consents to or refuses. */
+export const ask = (vehicle, vsm, own, numbers) => handOver(vehicle, vsm, own, levels(numbers));
+
 /** 2016. A height is metres above home; without one the altitude is not commanded. */
 function mode(vehicle, name, heightM, more = {}) {
   const fields = { "Select Flight Path Control Mode": name, ...more };

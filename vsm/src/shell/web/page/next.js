@@ -25,11 +25,11 @@ export function nextStep({ connected, own, vehicle, drawing, drawn, fault, route
   if (!vehicle.live) return [null, "no data of the vehicle: wait"];
   const { flew, route: flown } = watch(vehicle);
   const { controller, on_ground, flies_to, mode, armed } = vehicle;
-  if (waiting) return [null, "sent: wait for the vehicle"];
-  if (controller !== own)
-    return controller ? ["override", `${controller} controls it: wait for it, or tick this and take control`] : ["take", "take control"];
+  if (waiting) return [null, "wait until the vehicle shows what was sent"];
+  if (controller !== own && vehicle.handovers.some(({ to }) => to === own)) return [null, `wait: ${controller} is asked whether it hands over`];
+  if (controller !== own) return controller ? ["ask", `${controller} controls it: ask for control, or take it by "even if another controls it"`] : ["take", "take control"];
   if (drawing && drawn < 2) return [null, "click on the map where the route leads, at least twice"];
-  if (drawn >= 2) return fault ? ["route-altitude", fault] : ["send-drawn", drawing ? "click further points, or send the drawn route" : "send the drawn route"];
+  if (drawn >= 2) return fault ? ["route-altitude", fault] : ["send-drawn", drawing ? "click further points, or send the route" : "send the drawn route"];
   if (on_ground === true && flew && armed !== false) return [null, "it is down: wait until its motors stop"];
   if (on_ground === true && flew) return ["release", "landed: release it, or launch again"];
   if (on_ground === true && !route) return ["draw", "draw a route, drop a file of one on the map, or launch without"];
@@ -42,10 +42,10 @@ export function nextStep({ connected, own, vehicle, drawing, drawn, fault, route
   return flown ? ["land", "the route is flown: land it, or fly it again"] : ["fly", "fly the route"];
 }
 
-const yes = () => true;
 /** What makes no sense now is dashed, with the reason; it may be pressed all the same, and the bridge decides. */
 const USEFUL = [
   ["take", ({ vehicle, own }) => vehicle.controller !== own, "this station controls it"],
+  ["ask", ({ vehicle, own }) => vehicle.controller !== null && vehicle.controller !== own, "no other station controls it"],
   ["release", ({ vehicle, own }) => vehicle.holders.some(({ id }) => id === own), "this station holds no level"],
   ["draw-clear", ({ points }) => points > 0, "nothing is drawn"],
   ["launch", ({ vehicle }) => vehicle.on_ground !== false, "it flies", true],
@@ -55,7 +55,6 @@ const USEFUL = [
   ["loiter", ({ vehicle }) => vehicle.on_ground !== true, "it stands on the ground", true],
   ["loiter-middle", ({ vehicle }) => vehicle.on_ground !== true, "it stands on the ground", true],
   ["send-drawn", ({ points }) => points > 1, "draw two points first", true],
-  ["draw", yes, "", true],
 ];
 
 /** The id of what is marked. */
@@ -73,6 +72,8 @@ export function showNext(state) {
   const line = document.getElementById("next");
   aim = target;
   line.hidden = false;
+  // What leads nowhere does not look as if it did.
+  line.classList.toggle("leads", target !== null);
   if (line.textContent !== `Next: ${text}`) line.textContent = line.title = `Next: ${text}`;
   for (const marked of document.querySelectorAll(".next")) if (marked.id !== target) marked.classList.remove("next");
   if (target) document.getElementById(target).classList.add("next");

@@ -81,7 +81,7 @@ function drawAlerts(vehicle, control) {
     return row;
   });
   if (made.length === 0) {
-    const none = before.get("none") ?? node("li", "none stands", "quiet");
+    const none = before.get("none") ?? node("li", "none", "quiet");
     none.dataset.key = "none";
     made.push(none);
   }
@@ -94,14 +94,14 @@ export function drawVehicle(vehicle, recorded, control) {
   const armed = { true: "armed", false: "disarmed", null: "unknown" }[vehicle.armed];
   const ground = { true: "on the ground", false: "in the air", null: "unknown" }[vehicle.on_ground];
   const controller = vehicle.controller ? `${vehicle.controller} controls it` : "nobody controls it";
-  const now = [vehicle.live ? vehicle.mode ?? "mode unknown" : "no data", armed, ground, `${height(motion.above_home_m)} above home`, controller].join(" · ");
+  const now = [vehicle.live ? vehicle.mode ?? "mode unknown" : "no data", armed, ground, `${height(motion.above_home_m).replace(" ", "\u00a0")} above home`, controller].join(" · ");
   if (by("now").textContent !== now) by("now").textContent = by("now").title = now;
   by("vehicle-title").textContent = `Vehicle ${vehicle.tail_number} (${vehicle.id})`;
   rows(by("vehicle"), [
     ["data", vehicle.live ? "live" : "no data: state unknown; what follows is the last that was received", vehicle.live ? "good" : "bad"],
     ["mode", vehicle.mode ?? "unknown"],
     ["motors", armed],
-    ["on", ground],
+    ["where", ground],
     battery(vehicle),
     ["altitude", `${height(position?.[2])} AMSL, ${height(motion.above_home_m)} above home`],
     ["ground speed", speed(motion.ground_speed_m_s)],

@@ -13,8 +13,12 @@ const REASONS = {
   4003: "not authenticated: the key is not the one of this id, or the configuration does not list the id with web = true",
   4010: "the key was replaced or revoked",
   1001: "the bridge has ended",
-  1006: "the connection broke, or control is not switched on ([web] control)",
+  1006: "the connection broke",
 };
+// Neither end has wanted it so. A bridge that is stopped is often started again.
+const BREAKS = [1001, 1006];
+
+const UNREACHED = "the bridge does not answer, or control is not switched on ([web] control)";
 
 /** The key as text of 64 hex digits: kept where no script can read it again. Throws where it is none. */
 export async function importKey(text) {
@@ -34,6 +38,7 @@ async function sessionKey(key, direction, about, use) {
 
 export class ControlSocket {
   #socket;
+  #challenged = false;
   #sent = 0;
   #received = 0;
   #sign;
@@ -45,22 +50,26 @@ export class ControlSocket {
 
   /**
    * Resolves with the VSM's welcome once both ends are authenticated; rejects with the reason where they are not. `take(body)`
-   * is given each later frame, `closed(reason)` the end.
+   * is given each later frame, `closed(reason, broken)` the end; broken, also of what it rejects with: neither end has refused the other.
    */
   static open(id, key, take, closed) {
     return new Promise((resolve, reject) => {
       const made = new ControlSocket();
       made.#take = take;
-      made.#closed = reject;
+      made.#closed = (why, broken) => reject(Object.assign(new Error(why), { broken }));
       const url = new URL("control", location.href.replace(/^http/, "ws"));
       made.#socket = new WebSocket(url);
-      made.#socket.onclose = (event) => made.#end(REASONS[event.code] ?? event.reason ?? "");
-      const late = setTimeout(() => made.#fail("no answer of the bridge"), OPEN_WITHIN_MS);
+      made.#socket.onclose = ({ code, reason }) => {
+        const closed = made.#challenged || code !== 1006 ? REASONS[code] ?? reason ?? "" : UNREACHED;
+        made.#end(closed, BREAKS.includes(code));
+      };
+      const late = setTimeout(() => made.#fail("no answer of the bridge", true), OPEN_WITHIN_MS);
       // Frames are looked at one after another: a MAC takes its time, and the order counts.
       const opening = (handle) => (event) => {
         made.#receiving = made.#receiving.then(() => handle(event.data)).catch((fault) => made.#fail(fault.message));
       };
       made.#socket.onmessage = opening(async (text) => {
+        made.#challenged = true;
         if (!made.#sign) return made.#hello(JSON.parse(text).challenge, id, key);
         const body = await made.#open(text);
         if (made.#received > 0) return made.#take(body);
@@ -113,16 +122,16 @@ export class ControlSocket {
     this.#socket.close();
   }
 
-  #fail(reason) {
-    this.#end(reason);
+  #fail(reason, broken = false) {
+    this.#end(reason, broken);
     this.#socket.close();
   }
 
-  #end(reason) {
+  #end(reason, broken) {
     const closed = this.#closed;
     this.#closed = () => {};
     // Frames that wait for their turn are of an ended connection.
     this.#take = () => {};
-    closed(reason);
+    closed(reason, broken);
   }
 }
