@@ -39,6 +39,7 @@ async function sessionKey(key, direction, about, use) {
 export class ControlSocket {
   #socket;
   #challenged = false;
+  #closing = false;
   #sent = 0;
   #received = 0;
   #sign;
@@ -61,7 +62,8 @@ export class ControlSocket {
       made.#socket = new WebSocket(url);
       made.#socket.onclose = ({ code, reason }) => {
         const closed = made.#challenged || code !== 1006 ? REASONS[code] ?? reason ?? "" : UNREACHED;
-        made.#end(closed, BREAKS.includes(code));
+        // Who closes is not always answered before the connection is gone: 1006 then, too.
+        made.#end(closed, BREAKS.includes(code) && !made.#closing);
       };
       const late = setTimeout(() => made.#fail("no answer of the bridge", true), OPEN_WITHIN_MS);
       // Frames are looked at one after another: a MAC takes its time, and the order counts.
@@ -119,6 +121,7 @@ export class ControlSocket {
   }
 
   close() {
+    this.#closing = true;
     this.#socket.close();
   }
 
