@@ -64,9 +64,36 @@ impl Rates {
         let needed: f32 = wanted
             .map(|(_, hertz, bytes)| hertz * f32::from(*bytes))
             .sum();
-        let room = room as f32 - FIXED_BYTES_S;
-        (room / needed).min(1.0)
+        let mut factor = ((room as f32 - FIXED_BYTES_S) / needed).min(1.0);
+        // What fits on average may still all come within one second, in which a radio has to carry the bridge's frames too.
+        let most = room as f32 * MOST_IN_A_SECOND;
+        while self.bytes_in_a_second(factor) > most {
+            let once_less = self.wanted.iter().map(|(_, hertz, _)| {
+                let fewer = times_in_a_second(hertz * factor) - 1.0;
+                fewer / hertz
+            });
+            let lower = once_less.fold(0.0, f32::max);
+            // Each comes once at most: a lower rate would only make that rarer.
+            if lower <= 0.0 {
+                break;
+            }
+            factor = lower;
+        }
+        factor
     }
+
+    /// Bytes of the vehicle's reports within the busiest second, in which each message comes as often as it can.
+    fn bytes_in_a_second(&self, factor: f32) -> f32 {
+        let wanted = self.wanted.iter();
+        let bytes =
+            wanted.map(|(_, hertz, bytes)| times_in_a_second(hertz * factor) * f32::from(*bytes));
+        bytes.sum::<f32>() + FIXED_BYTES_S
+    }
+}
+
+/// How often a message of this rate comes within a second at most. A rate that was divided down to a whole number may be a little more.
+fn times_in_a_second(hertz: f32) -> f32 {
+    (hertz - 1e-3).ceil().max(1.0)
 }
 
 /// Messages that the bridge cannot work without, and the longest interval of each, us. HEARTBEAT is part of the protocol
@@ -121,6 +148,9 @@ const ONLY_WITH_ROOM: &[u32] = &[
 ];
 /// Assumed for a message that is requested later: few are longer.
 const FURTHER_BYTES: u16 = 80;
+/// The busiest second of the reports, in shares of their average: three quarters of the link, so that what the bridge sends beside them
+/// leaves a tenth of it free.
+const MOST_IN_A_SECOND: f32 = 0.75 / 0.55;
 /// HEARTBEAT and MISSION_CURRENT, once a second each: their rates cannot be requested.
 const FIXED_BYTES_S: f32 = 77.0;
 
@@ -147,6 +177,14 @@ mod tests {
                 assert!(bytes_s(&rates) <= room + 0.1, "{rate_bps} {added:?}");
                 assert_eq!(rates.factor() == 1.0, whole, "{rate_bps} {added:?}");
             }
+            // Nor does a second in which all of them come fill the link, as far as lower rates can help.
+            let once_at_most = rates.factor() * 5.0 <= 1.001;
+            let line = f32::from(u16::try_from(rate_bps / 10).unwrap());
+            let busiest = rates.bytes_in_a_second(rates.factor());
+            assert!(
+                busiest <= 0.76 * line || once_at_most,
+                "{rate_bps}: {busiest}"
+            );
             // The mode is reported before the vehicle counts as silent, 3.5 s.
             let mode = rates.requested().find(|(id, _)| *id == 436);
             let is_often = matches!(mode, Some((_, Rate::Hz(hertz))) if hertz > 0.5);
