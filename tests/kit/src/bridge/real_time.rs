@@ -12,7 +12,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use mavlink_link::Now;
-use mavlink_link::frame::MAX_FRAME;
+use mavlink_link::frame::{MAX_FRAME, extent};
 use px4_sim::{Autopilot, Signing, Truth};
 use stanag_msgs::Message;
 use tempfile::TempDir;
@@ -59,7 +59,8 @@ struct Side {
 #[derive(Debug)]
 enum End {
     Udp(UdpSocket),
-    Serial(Device),
+    /// A device, and what it has brought of a frame that is not there as a whole yet.
+    Serial(Device, Vec<u8>),
 }
 
 impl Side {
@@ -79,7 +80,7 @@ impl Side {
         let device = Device::new();
         let name = device.name.clone();
         let side = Side {
-            end: End::Serial(device),
+            end: End::Serial(device, Vec::new()),
             ..Side::new(seed, faults)
         };
         (side, name)
@@ -91,9 +92,7 @@ impl Side {
 
     /// Carries packets through the network; returns those for this side.
     fn carry(&mut self, now: Duration) -> Vec<Vec<u8>> {
-        let mut buffer = [0; 2_048];
-        while let Some(length) = self.read(&mut buffer) {
-            let bytes = buffer[..length].to_vec();
+        while let Some(bytes) = self.read() {
             self.network.send(now, self.bridge, self.own, bytes);
         }
         let mut arrived = Vec::new();
@@ -105,24 +104,35 @@ impl Side {
             match &mut self.end {
                 // A packet for which the socket has no room is lost.
                 End::Udp(socket) => drop(socket.send_to(&packet.payload, packet.to)),
-                End::Serial(device) => device.port.write(&packet.payload),
+                End::Serial(device, _) => device.port.write(&packet.payload),
             }
         }
         arrived
     }
 
-    /// The next datagram or bytes from the bridge, if any.
-    fn read(&mut self, buffer: &mut [u8]) -> Option<usize> {
+    /// The next datagram or frame that the bridge has sent, if any.
+    fn read(&mut self) -> Option<Vec<u8>> {
+        let mut buffer = [0; 2_048];
         match &mut self.end {
             End::Udp(socket) => loop {
-                match socket.recv_from(buffer) {
-                    Ok((length, from)) if from == self.bridge => return Some(length),
+                match socket.recv_from(&mut buffer) {
+                    Ok((length, from)) if from == self.bridge => {
+                        return Some(buffer[..length].to_vec());
+                    }
                     Err(error) if error.kind() == ErrorKind::WouldBlock => return None,
                     // From another sender; or the bridge is down, which makes a socket fail once.
                     Ok(_) | Err(_) => {}
                 }
             },
-            End::Serial(device) => Some(device.port.read(buffer)).filter(|length| *length > 0),
+            End::Serial(device, begun) => {
+                let length = device.port.read(&mut buffer);
+                begun.extend_from_slice(&buffer[..length]);
+                // Between frames there is nothing, but for one that a bridge was killed in.
+                let stray = begun.iter().take_while(|byte| !FRAME_STARTS.contains(byte));
+                begun.drain(..stray.count());
+                let (_, length) = extent(begun)?;
+                Some(begun.drain(..length).collect())
+            }
         }
     }
 }
@@ -138,26 +148,60 @@ impl Processes {
     /// Prepares everything but starts no bridge.
     pub fn laid_out(seed: u64, faults: Faults, speed: f64) -> Processes {
         let mav = Side::new(seed ^ 0x03a7_73a0, faults);
-        let link = format!("udpin:{}", mav.bridge);
+        let link = format!("link = \"udpin:{}\"", mav.bridge);
         Processes::with_vehicle(seed, faults, speed, mav, &link)
     }
 
     /// The same with the vehicle on a serial line.
     pub fn on_a_serial_line(seed: u64, faults: Faults, speed: f64) -> Processes {
+        Processes::on_a_device(seed, faults, speed, |device| {
+            format!("link = \"serial:{device}:57600\"")
+        })
+    }
+
+    /// The vehicle on a radio of this many bits a second, both directions together, at its own speed. How fast the line really is,
+    /// these faults say, and [`Processes::line_mut`] later.
+    pub fn on_a_radio(seed: u64, faults: Faults, rate_bps: u32) -> Processes {
+        Processes::on_a_device(seed, faults, 1.0, |device| {
+            format!("link = \"serial:{device}:{rate_bps}\"\nrate_bps = {rate_bps}")
+        })
+    }
+
+    fn on_a_device(
+        seed: u64,
+        faults: Faults,
+        speed: f64,
+        link: impl FnOnce(&str) -> String,
+    ) -> Processes {
         let (mav, device) = Side::serial(seed ^ 0x03a7_73a0, faults);
-        let link = format!("serial:{device}:57600");
-        let mut processes = Processes::with_vehicle(seed, Faults::NONE, speed, mav, &link);
+        let mut processes = Processes::with_vehicle(seed, Faults::NONE, speed, mav, &link(&device));
         processes.start_bridge();
         processes
     }
 
+    /// Between the bridge and the vehicle.
+    pub fn line(&self) -> &Network<SocketAddr, Vec<u8>> {
+        &self.mav.network
+    }
+
+    /// The same, to make it another one from now on.
+    pub fn line_mut(&mut self) -> &mut Network<SocketAddr, Vec<u8>> {
+        &mut self.mav.network
+    }
+
+    /// The address that [`Processes::line`] has for the bridge.
+    pub fn bridge_end(&self) -> SocketAddr {
+        self.mav.bridge
+    }
+
+    /// `link`: the keys of the vehicle's table that say where it is.
     fn with_vehicle(seed: u64, faults: Faults, speed: f64, mav: Side, link: &str) -> Processes {
         let dli = Side::new(seed ^ 0x00d1_1d11, faults);
         let folder = tempfile::tempdir().expect("a folder");
         write_key(&folder.path().join("uav.key"), &[0x41; 32]);
         let text = format!(
             "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"{}\"\n[[cucs]]\nid = \"{}\"\nloi = [2, 3, 4, 5]\n[[vehicle]]\n\
-             id = \"{}\"\nlink = \"{link}\"\nsystem_id = 1\nsigning = {{ key_file = \"uav.key\" }}\n[store]\n\
+             id = \"{}\"\n{link}\nsystem_id = 1\nsigning = {{ key_file = \"uav.key\" }}\n[store]\n\
              dir = \"state\"\n",
             dli.bridge,
             cucs(0),
@@ -314,6 +358,8 @@ impl World for Processes {
     }
 }
 
+/// The first bytes of MAVLink 2 and 1.
+const FRAME_STARTS: [u8; 2] = [0xfd, 0xfe];
 /// Time within which a bridge has to serve.
 const READY: Duration = Duration::from_secs(20);
 /// The default of [`Processes::longest`].
