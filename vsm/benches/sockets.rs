@@ -4,7 +4,8 @@
 //! Vehicle to CUCS: a signed HEARTBEAT that changes the mode, until the 3001 that tells it. CUCS to vehicle nothing
 //! passes by itself: an order waits for what the vehicle shows. Measured is a 17002 until its answer. By turns with each
 //! message one goes to a process that does nothing but send it back: what the bridge adds is the difference, the rest is
-//! the system's. Then the whole program under telemetry at PX4's rate and far above it, with signing on and off: its
+//! the system's. Sticks (2010) at 50 Hz pass as they come, to `px4-sim` flown by hand within this program: their age when the vehicle
+//! has them. Then the whole program under telemetry at PX4's rate and far above it, with signing on and off: its
 //! share of a core and its memory.
 
 #![allow(missing_docs, reason = "a bench has no callers")]
@@ -17,6 +18,7 @@ mod process;
 mod vehicle;
 
 use std::cell::Cell;
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::net::{SocketAddr, UdpSocket};
@@ -25,8 +27,13 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use kit::clock::wall;
-use stanag_msgs::enums::{LoiBitmap, RequestedAccess};
-use stanag_msgs::messages::{CucsAuthorisationRequest, GenericInformationRequestMessage};
+use mavlink_link::frame::{FrameView, MAX_FRAME};
+use mavlink_link::signing::SigningKey;
+use stanag_msgs::enums::{FlightPathControlMode, LoiBitmap, RequestedAccess};
+use stanag_msgs::messages::{
+    CucsAuthorisationRequest, GenericInformationRequestMessage, UaStickCommand,
+    VehicleOperatingModeCommand,
+};
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 
 use common::{free, socket};
@@ -51,6 +58,7 @@ fn main() {
     world.measure("17002 to its answer, 1000/s", 1_000, World::question);
     world.flood();
     drop(world);
+    World::start(true).sticks();
     println!("| `vsm run` under telemetry, one vehicle | of a core | CPU a frame | memory |");
     println!("|---|---|---|---|");
     for (rate, seconds) in [(PX4_RATE, 30), (5_000, 10)] {
@@ -134,7 +142,7 @@ impl World {
         };
         let text = format!(
             "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"{dli}\"\nlease_s = 3600\n\
-             [[cucs]]\nid = \"{CUCS}\"\nloi = [2]\naddress = \"127.0.0.1\"\n[[vehicle]]\n\
+             [[cucs]]\nid = \"{CUCS}\"\nloi = [2, 4]\naddress = \"127.0.0.1\"\n[[vehicle]]\n\
              id = \"{VEHICLE}\"\nlink = \"udpin:{mavlink}\"\nsystem_id = 1\nsigning = {signing}\n\
              [store]\ndir = \"state\"\n"
         );
@@ -158,18 +166,22 @@ impl World {
             folder,
         };
         std::thread::sleep(Duration::from_millis(500));
-        world.say(&Message::from(CucsAuthorisationRequest {
-            time_stamp: Some(stamp()),
-            requested_handover_loi: Some(LoiBitmap::LOI2),
-            requested_handover_access: Some(RequestedAccess::Request),
-            ..CucsAuthorisationRequest::default()
-        }));
+        world.request(LoiBitmap::LOI2);
         for _ in 0..50 {
             world.mode_change();
             std::thread::sleep(Duration::from_millis(20));
         }
         world.discard();
         world
+    }
+
+    fn request(&self, loi: LoiBitmap) {
+        self.say(&Message::from(CucsAuthorisationRequest {
+            time_stamp: Some(stamp()),
+            requested_handover_loi: Some(loi),
+            requested_handover_access: Some(RequestedAccess::Request),
+            ..CucsAuthorisationRequest::default()
+        }));
     }
 
     /// A 3001 reports it.
@@ -227,16 +239,75 @@ impl World {
             bare.push(self.echo.measure());
         }
         let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu);
-        let [whole, bare] = [times, bare].map(Percentiles::of);
-        println!(
-            "| {what} | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {lost} of {count} |",
-            whole.p50,
-            whole.p99,
-            bare.p50,
-            bare.p99,
-            whole.p50 - bare.p50,
-            whole.p99 - bare.p99,
-            cpu.as_secs_f64() * 1e6 / f64::from(count),
+        row(what, [times, bare], cpu, (lost, count));
+    }
+
+    /// Sticks at 50 Hz, and how old each is when the vehicle has it. The stick's own value tells which one it is.
+    fn sticks(&self) {
+        let signing = px4_sim::Signing::with_key(SigningKey::new([0x5a; 32]).expect("a key"), 0);
+        let config = px4_sim::Config {
+            unix_time_us: wall().as_micros() as u64,
+            ..px4_sim::Config::default()
+        };
+        let mut vehicle = px4_sim::Autopilot::new(config, signing, vec![Some(self.mavlink)]);
+        self.discard();
+        self.vehicle.set_nonblocking(true).expect("a socket");
+        let (begun, mut flown) = (Instant::now(), Duration::ZERO);
+        let (mut on_the_way, mut ages, mut bare) = (BTreeMap::new(), Vec::new(), Vec::new());
+        let (mut frame, mut bytes) = ([0; MAX_FRAME], [0; 2_048]);
+        let (mut number, mut cpu) = (0, Duration::ZERO);
+        while number < MEASURED_FROM + STICKS {
+            while flown < begun.elapsed() {
+                flown += SIMULATED;
+                vehicle.step(SIMULATED);
+                while let Some(sent) = vehicle.poll_transmit(&mut frame) {
+                    self.report(&frame[..sent.len]);
+                }
+            }
+            while let Ok((length, _)) = self.vehicle.recv_from(&mut bytes) {
+                let sent = lateral_stick(&bytes[..length]).and_then(|it| on_the_way.remove(&it));
+                ages.extend(sent.map(|at: Instant| at.elapsed()));
+                vehicle.handle_datagram(0, self.mavlink, &bytes[..length]);
+            }
+            if begun.elapsed() < STICK_PERIOD * number {
+                std::hint::spin_loop();
+                continue;
+            }
+            match number {
+                // The vehicle has reported itself under its own stamps.
+                REQUESTED_AT => self.request(LoiBitmap::from_raw(0x05)),
+                ENGAGED_AT => self.say(&Message::from(VehicleOperatingModeCommand {
+                    time_stamp: Some(stamp()),
+                    select_flight_path_control_mode: Some(FlightPathControlMode::FlightDirector),
+                    ..VehicleOperatingModeCommand::default()
+                })),
+                MEASURED_FROM => cpu = cpu_time(self.vsm.id()),
+                _ => {}
+            }
+            let lateral = (number % 200) as i8 - 100;
+            let stick = Message::from(UaStickCommand {
+                time_stamp: Some(stamp()),
+                lateral_stick: Some(lateral),
+                throttle_stick_engine_1: Some(50),
+                ..UaStickCommand::default()
+            });
+            if number >= MEASURED_FROM {
+                bare.push(self.echo.measure());
+                on_the_way.insert(lateral, Instant::now());
+            }
+            // Whoever is not in control has its sticks refused.
+            if number >= STICKS_FROM {
+                self.say(&stick);
+            }
+            number += 1;
+        }
+        let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu);
+        let lost = STICKS.saturating_sub(ages.len() as u32);
+        row(
+            "2010 to MANUAL_CONTROL, 50/s",
+            [ages, bare],
+            cpu,
+            (lost, STICKS),
         );
     }
 
@@ -336,6 +407,31 @@ impl Drop for World {
     }
 }
 
+/// A row of the first table: times through the bridge and of the bare echo.
+fn row(what: &str, times: [Vec<Duration>; 2], cpu: Duration, (lost, count): (u32, u32)) {
+    let [whole, bare] = times.map(Percentiles::of);
+    println!(
+        "| {what} | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {lost} of {count} |",
+        whole.p50,
+        whole.p99,
+        bare.p50,
+        bare.p99,
+        whole.p50 - bare.p50,
+        whole.p99 - bare.p99,
+        cpu.as_secs_f64() * 1e6 / f64::from(count),
+    );
+}
+
+/// The lateral stick that a frame of the bridge carries, per cent, if it is a MANUAL_CONTROL.
+fn lateral_stick(frame: &[u8]) -> Option<i8> {
+    let frame = FrameView::parse(frame).ok()?;
+    // MAVLink leaves zeros at the end of a payload out.
+    let at = |index| frame.payload().get(index).copied().unwrap_or(0);
+    let per_mille = i16::from_le_bytes([at(2), at(3)]);
+    let is_sticks = frame.header().message_id == MANUAL_CONTROL;
+    is_sticks.then(|| i8::try_from(per_mille / 10).ok())?
+}
+
 /// Of durations, in us.
 struct Percentiles {
     p50: f64,
@@ -362,6 +458,17 @@ fn stamp() -> TimeStamp {
     TimeStamp::from_unix_ms(wall().as_millis() as u64)
 }
 
+const MANUAL_CONTROL: u32 = 69;
+const STICK_PERIOD: Duration = Duration::from_millis(20);
+/// When control is requested, since when sticks are sent, and when they are to be flown, in periods of a stick.
+const REQUESTED_AT: u32 = 250;
+const STICKS_FROM: u32 = 300;
+const ENGAGED_AT: u32 = 350;
+/// From here on they are measured: half a minute.
+const MEASURED_FROM: u32 = 500;
+const STICKS: u32 = 1_500;
+/// The step of the simulation.
+const SIMULATED: Duration = Duration::from_millis(10);
 /// Message ids, as the status has them.
 const HEARTBEAT: &str = "0";
 const ATTITUDE: &str = "30";
