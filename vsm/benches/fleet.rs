@@ -1,6 +1,6 @@
 //! `vsm run` with many vehicles: processor time, memory, how long a mode change takes to its 3001 meanwhile, and what was lost.
-//! Prints a Markdown table; `cargo bench -p vsm --bench fleet`, `-- --vehicles 200 --seconds 10` for one row of another size, `--pack` with
-//! what is due together for a CUCS in one datagram.
+//! Prints a Markdown table; `cargo bench -p vsm --bench fleet`, `-- --vehicles 200 --seconds 2` for one row of another size and shorter
+//! turns, `--pack` with what is due together for a CUCS in one datagram. A figure is the median of five turns.
 //!
 //! Each vehicle signs with a key of its own, and sends HEARTBEAT at 1 Hz and ATTITUDE, GLOBAL_POSITION_INT, VFR_HUD and
 //! ATTITUDE_QUATERNION at 10 Hz each; 200 share a link. Three CUCSs listen to all of them with the schedules that a bridge has
@@ -10,20 +10,19 @@
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 
 mod common;
-#[path = "common/process.rs"]
-mod process;
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::net::{SocketAddr, UdpSocket};
-use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use kit::clock::wall;
+use kit::measure::{Spread, cpu_time, memory_kb, quantile};
+use kit::process::write_key;
 use mavlink_link::dialect::{
     ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
     MavAutopilot, MavMessage, MavModeFlag, MavType, VFR_HUD_DATA,
@@ -35,7 +34,6 @@ use stanag_msgs::messages::CucsAuthorisationRequest;
 use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
 
 use common::{free, socket};
-use process::{cpu_time, memory_kb};
 
 fn main() {
     // `cargo test --benches` asks for nothing to be measured.
@@ -43,10 +41,10 @@ fn main() {
         return;
     }
     println!(
-        "| `vsm run`, three CUCSs | frames/s | of a core | CPU a frame | memory | mode change p50 | p99 | reports/s | lost |"
+        "| `vsm run`, three CUCSs | frames/s | of a core, % | CPU a frame, us | memory | mode change p50, us | p99, us | reports/s | lost |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
-    let seconds = number("--seconds").unwrap_or(10);
+    let seconds = number("--seconds").unwrap_or(4);
     let sizes = number("--vehicles").map_or(vec![1, 200, 1_000, 2_000], |only| vec![only]);
     for vehicles in sizes {
         World::start(vehicles).measure(seconds);
@@ -71,6 +69,16 @@ struct World {
     folder: tempfile::TempDir,
     sent: u64,
     stamp: u64,
+}
+
+/// What one turn has cost.
+struct Turn {
+    frames_s: f64,
+    core_percent: f64,
+    frame_us: f64,
+    p50_us: f64,
+    p99_us: f64,
+    reports_s: f64,
 }
 
 struct Vehicle {
@@ -120,9 +128,7 @@ impl World {
             let mut key = [0x5a; 32];
             key[..4].copy_from_slice(&at.to_be_bytes());
             let file = folder.path().join(format!("{at}.key"));
-            let hex: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
-            fs::write(&file, hex).expect("the key");
-            fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).expect("its mode");
+            write_key(&file, &key);
             let _ = writeln!(
                 text,
                 "[[vehicle]]\nid = \"{id}\"\nlink = \"udpin:{}\"\nsystem_id = {system}\nsigning = {{ key_file = \"{at}.key\" }}",
@@ -231,41 +237,58 @@ impl World {
         self.sent += 1;
     }
 
+    /// In turns of so many seconds.
     fn measure(mut self, seconds: u32) {
-        let (cpu, taken, sent) = (cpu_time(self.vsm.id()), self.taken(), self.sent);
-        let reports = self.reports();
-        let begun = Instant::now();
-        self.fly(seconds, true);
-        let took = begun.elapsed();
-        let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu);
-        let reports = self.reports() - reports;
+        let (taken, sent) = (self.taken(), self.sent);
+        let turns: Vec<Turn> = (0..TURNS).map(|_| self.turn(seconds)).collect();
         std::thread::sleep(Duration::from_millis(500));
         let (taken, sent) = (self.taken() - taken, self.sent - sent);
-        let mut times = Vec::new();
-        let mut unanswered = 0;
-        for station in &self.stations {
-            times.append(&mut station.took.lock().expect("no panic"));
-            unanswered += station.waits.lock().expect("no panic").len();
-        }
-        times.sort();
-        let micros = |part: f64| {
-            let at = (times.len() as f64 * part) as usize;
-            times
-                .get(at)
-                .map_or(f64::NAN, |took| took.as_secs_f64() * 1e6)
+        let waits = |station: &Arc<Station>| station.waits.lock().expect("no panic").len();
+        let unanswered: usize = self.stations.iter().map(waits).sum();
+        let memory_mb = memory_kb(self.vsm.id()) / 1_000.0;
+        let of = |part: fn(&Turn) -> f64| {
+            let values: Vec<f64> = turns.iter().map(part).collect();
+            Spread::of(&values)
         };
-        let per_second = sent as f64 / took.as_secs_f64();
+        let (core, p99) = (of(|turn| turn.core_percent), of(|turn| turn.p99_us));
+        let vehicles = self.vehicles.len();
         println!(
-            "| {} vehicles | {per_second:.0} | {:.1} % | {:.1} us | {:.1} MB | {:.0} us | {:.0} us | {:.0} | {} frames, {unanswered} mode changes |",
-            self.vehicles.len(),
-            cpu.as_secs_f64() / took.as_secs_f64() * 100.0,
-            cpu.as_secs_f64() * 1e6 / sent as f64,
-            memory_kb(self.vsm.id()) / 1_000.0,
-            micros(0.5),
-            micros(0.99),
-            reports as f64 / took.as_secs_f64(),
+            "| {vehicles} vehicles | {:.0} | {core:.1} | {:.1} | {memory_mb:.1} MB | {:.0} | {p99:.0} | {:.0} | {} frames, {unanswered} mode changes |",
+            of(|turn| turn.frames_s).median,
+            of(|turn| turn.frame_us),
+            of(|turn| turn.p50_us),
+            of(|turn| turn.reports_s).median,
             sent.saturating_sub(taken),
         );
+        for (name, spread) in [
+            ("core-percent", core),
+            ("mode-p99-us", p99),
+            ("memory-mb", Spread::of(&[memory_mb])),
+        ] {
+            println!("{}", spread.figure(&format!("fleet-{vehicles}-{name}")));
+        }
+    }
+
+    fn turn(&mut self, seconds: u32) -> Turn {
+        let (cpu, sent, reports) = (cpu_time(self.vsm.id()), self.sent, self.reports());
+        let begun = Instant::now();
+        self.fly(seconds, true);
+        let took = begun.elapsed().as_secs_f64();
+        let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu).as_secs_f64();
+        let (sent, reports) = ((self.sent - sent) as f64, self.reports() - reports);
+        let mut times = Vec::new();
+        for station in &self.stations {
+            let took = std::mem::take(&mut *station.took.lock().expect("no panic"));
+            times.extend(took.into_iter().map(|took| took.as_secs_f64() * 1e6));
+        }
+        Turn {
+            frames_s: sent / took,
+            core_percent: cpu / took * 100.0,
+            frame_us: cpu * 1e6 / sent,
+            p50_us: quantile(&mut times, 0.5),
+            p99_us: quantile(&mut times, 0.99),
+            reports_s: reports as f64 / took,
+        }
     }
 
     fn reports(&self) -> u64 {
@@ -406,6 +429,7 @@ fn drain(socket: &UdpSocket) {
     socket.set_nonblocking(false).expect("a socket");
 }
 
+const TURNS: usize = 5;
 /// Vehicles that share a link: each has a system id of its own there.
 const ON_A_LINK: u32 = 200;
 const VSM: &str = env!("CARGO_BIN_EXE_vsm");

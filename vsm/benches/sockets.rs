@@ -1,44 +1,39 @@
 //! `vsm run` between sockets on loopback: how long a message takes through it, what it costs, and how many a second it
-//! takes before one is lost. Prints a Markdown table; `cargo bench -p vsm --bench sockets`.
+//! takes before one is lost. Prints Markdown tables; `cargo bench -p vsm --bench sockets`.
 //!
-//! Vehicle to CUCS: a signed HEARTBEAT that changes the mode, until the 3001 that tells it. CUCS to vehicle nothing
-//! passes by itself: an order waits for what the vehicle shows. Measured is a 17002 until its answer. By turns with each
-//! message one goes to a process that does nothing but send it back: what the bridge adds is the difference, the rest is
-//! the system's. Sticks (2010) at 50 Hz pass as they come, to `px4-sim` flown by hand within this program: their age when the vehicle
-//! has them. Then the whole program under telemetry at PX4's rate and far above it, with signing on and off: its
-//! share of a core and its memory.
+//! Vehicle to CUCS: a signed HEARTBEAT that changes the mode, until the 3001 that reports it; ten a second, which is what a bridge
+//! reports by itself, among so much telemetry that the rate is reached. CUCS to vehicle nothing passes by itself: a command waits
+//! for what the vehicle shows. Measured is a 17002 until its answer. With each message that is awaited one goes to a process that does
+//! nothing but send it back, before it or after it as it is drawn: what the bridge adds is the difference, the rest is the system's. Then the whole program under telemetry at PX4's rate and far above it, with signing on
+//! and off: its share of a core and its memory. Everything is measured in turns of random order ([`kit::measure`]); a figure is
+//! the median of the turns.
 
 #![allow(missing_docs, reason = "a bench has no callers")]
 #![allow(clippy::print_stdout, reason = "figures are printed")]
 
+#[path = "common/bridge.rs"]
+mod bridge;
 mod common;
-#[path = "common/process.rs"]
-mod process;
+#[path = "common/driver.rs"]
+mod driver;
 #[path = "common/vehicle.rs"]
 mod vehicle;
 
 use std::cell::Cell;
-use std::collections::BTreeMap;
-use std::fs;
 use std::io::{BufRead as _, BufReader};
-use std::net::{SocketAddr, UdpSocket};
-use std::os::unix::fs::PermissionsExt as _;
-use std::process::{Child, Command, Stdio};
+use std::net::UdpSocket;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use kit::clock::wall;
-use mavlink_link::frame::{FrameView, MAX_FRAME};
-use mavlink_link::signing::SigningKey;
-use stanag_msgs::enums::{FlightPathControlMode, LoiBitmap, RequestedAccess};
-use stanag_msgs::messages::{
-    CucsAuthorisationRequest, GenericInformationRequestMessage, UaStickCommand,
-    VehicleOperatingModeCommand,
-};
-use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, TimeStamp, frames};
+use kit::Random;
+use kit::measure::{Spread, cpu_time, in_turns, memory_kb, pace, quantile};
+use kit::process::KillOnDrop;
+use stanag_msgs::messages::GenericInformationRequestMessage;
+use stanag_msgs::{Message, TimeStamp, frames};
 
-use common::{free, socket};
-use process::{cpu_time, memory_kb};
-use vehicle::Autopilot;
+use bridge::{World, stamp};
+use common::socket;
+use driver::Frames;
 
 fn main() {
     // `cargo test --benches` asks for nothing to be measured.
@@ -48,41 +43,170 @@ fn main() {
         }
         return;
     }
-    let world = World::start(true);
+    latencies();
+    flood();
+    loads();
+}
+
+fn latencies() {
+    let (path, mut random) = (Path::start(), Random::new());
+    let mut subjects = [
+        (
+            "mode change to 3001, among 100 messages/s",
+            100,
+            Question::ModeChange,
+        ),
+        (
+            "mode change to 3001, among 1,000 messages/s",
+            1_000,
+            Question::ModeChange,
+        ),
+        ("17002 to its answer, 1,000/s", 1_000, Question::Request),
+    ];
+    let turns = in_turns(TURNS, &mut random, &mut subjects, |(_, rate, question)| {
+        path.measure(*rate, *question)
+    });
     println!(
-        "| through `vsm run` on loopback | p50 | p99 | bare echo p50 | p99 | added p50 | p99 | CPU a message | lost |"
+        "| through `vsm run` on loopback, us | p50 | p99 | bare echo p50 | p99 | added p50 | p99 | CPU a message | lost |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
-    world.measure("mode change to 3001, 100/s", 100, World::mode_change);
-    world.measure("mode change to 3001, 1000/s", 1_000, World::mode_change);
-    world.measure("17002 to its answer, 1000/s", 1_000, World::question);
-    world.flood();
-    drop(world);
-    World::start(true).sticks();
-    println!("| `vsm run` under telemetry, one vehicle | of a core | CPU a frame | memory |");
-    println!("|---|---|---|---|");
-    for (rate, seconds) in [(PX4_RATE, 30), (5_000, 10)] {
-        for signed in [false, true] {
-            World::start(signed).load(rate, seconds);
+    for ((what, ..), turns) in subjects.iter().zip(&turns) {
+        let of = |part: fn(&Turn) -> f64| {
+            let values: Vec<f64> = turns.iter().map(part).collect();
+            Spread::of(&values)
+        };
+        let lost: usize = turns.iter().map(|turn| turn.lost).sum();
+        let awaited: usize = turns.iter().map(|turn| turn.awaited).sum();
+        println!(
+            "| {what} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {lost} of {awaited} |",
+            of(|turn| turn.through[0]),
+            of(|turn| turn.through[1]),
+            of(|turn| turn.bare[0]),
+            of(|turn| turn.bare[1]),
+            of(|turn| turn.through[0] - turn.bare[0]),
+            of(|turn| turn.through[1] - turn.bare[1]),
+            of(|turn| turn.cpu_us),
+        );
+    }
+    println!();
+    let added = turns[1].iter().map(|turn| turn.through[1] - turn.bare[1]);
+    let added: Vec<f64> = added.collect();
+    println!("{}", Spread::of(&added).figure("added-p99-us"));
+}
+
+/// One turn of messages through the bridge.
+struct Turn {
+    /// p50 and p99, us.
+    through: [f64; 2],
+    /// The same of the bare echo.
+    bare: [f64; 2],
+    /// A message.
+    cpu_us: f64,
+    lost: usize,
+    awaited: usize,
+}
+
+#[derive(Clone, Copy)]
+enum Question {
+    /// The vehicle's: a 3001 reports it.
+    ModeChange,
+    /// The CUCS's: a 17002 for 3001, which answers it.
+    Request,
+}
+
+/// A bridge, and a process beside it that sends back what it gets.
+struct Path {
+    world: World,
+    echo: Echo,
+    asked: Cell<u64>,
+}
+
+impl Path {
+    fn start() -> Path {
+        Path {
+            world: World::start(true, ""),
+            echo: Echo::start(),
+            asked: Cell::new(0),
+        }
+    }
+
+    /// Sends at this rate for one turn, and awaits what is to be answered, one at a time.
+    fn measure(&self, rate: u32, question: Question) -> Turn {
+        let (sent, mut lost) = (rate * LATENCIES_S, 0);
+        let awaited_every = match question {
+            Question::ModeChange => rate / MODE_CHANGES_HZ,
+            Question::Request => 1,
+        };
+        let (mut through, mut bare, mut random) = (Vec::new(), Vec::new(), Random::new());
+        let cpu = cpu_time(self.world.process());
+        let mut due = Instant::now();
+        for number in 0..sent {
+            pace(due, 0, rate);
+            due = Instant::now().max(due + Duration::from_secs(1) / rate);
+            if !number.is_multiple_of(awaited_every) {
+                self.world.report(&self.world.autopilot.attitude());
+                continue;
+            }
+            self.world.discard();
+            let echo_first = random.bool();
+            if echo_first {
+                bare.push(self.echo.measure());
+            }
+            let begun = Instant::now();
+            match question {
+                Question::ModeChange => {
+                    let mission = (number / awaited_every).is_multiple_of(2);
+                    self.world.report(&self.world.autopilot.heartbeat(mission));
+                }
+                Question::Request => self.request(),
+            }
+            match self.await_report(begun) {
+                Some(took) => through.push(took.as_secs_f64() * 1e6),
+                None => lost += 1,
+            }
+            if !echo_first {
+                bare.push(self.echo.measure());
+            }
+        }
+        let cpu = cpu_time(self.world.process()).saturating_sub(cpu);
+        let percentiles = |times: &mut [f64]| [0.5, 0.99].map(|part| quantile(times, part));
+        Turn {
+            through: percentiles(&mut through),
+            bare: percentiles(&mut bare),
+            cpu_us: cpu.as_secs_f64() * 1e6 / f64::from(sent),
+            lost,
+            awaited: bare.len(),
+        }
+    }
+
+    fn request(&self) {
+        // A second one of the same stamp would be the first one come again.
+        let unix_ms = stamp().unix_ms().max(self.asked.get() + 1);
+        self.asked.set(unix_ms);
+        self.world
+            .send(&Message::from(GenericInformationRequestMessage {
+                time_stamp: Some(TimeStamp::from_unix_ms(unix_ms)),
+                message_type: Some(3001),
+                ..GenericInformationRequestMessage::default()
+            }));
+    }
+
+    /// How long after `begun` a 3001 arrives, if one does.
+    fn await_report(&self, begun: Instant) -> Option<Duration> {
+        let mut bytes = [0; 2_048];
+        loop {
+            let (length, _) = self.world.station.recv_from(&mut bytes).ok()?;
+            let took = begun.elapsed();
+            let mut found = frames(&bytes[..length]).flatten();
+            if found.any(|frame| frame.header.message_type == 3001) {
+                return Some(took);
+            }
         }
     }
 }
 
-struct World {
-    autopilot: Autopilot,
-    vsm: Child,
-    vehicle: UdpSocket,
-    station: UdpSocket,
-    mavlink: SocketAddr,
-    dli: SocketAddr,
-    asked: Cell<u64>,
-    echo: Echo,
-    folder: tempfile::TempDir,
-}
-
-/// A process that sends back what it gets.
 struct Echo {
-    process: Child,
+    _process: KillOnDrop,
     socket: UdpSocket,
 }
 
@@ -95,30 +219,27 @@ impl Echo {
             .spawn()
             .expect("the echo");
         let mut line = String::new();
-        let said = process.stdout.take().expect("a pipe");
-        BufReader::new(said).read_line(&mut line).expect("its port");
+        let printed = process.stdout.take().expect("a pipe");
+        let mut printed = BufReader::new(printed);
+        printed.read_line(&mut line).expect("its port");
         let socket = socket();
         socket.connect(line.trim()).expect("its address");
-        Echo { process, socket }
+        Echo {
+            _process: KillOnDrop(process),
+            socket,
+        }
     }
 
-    /// How long a datagram of the size of a signed HEARTBEAT is under way there and back.
-    fn measure(&self) -> Duration {
+    /// How long a datagram of the size of a signed HEARTBEAT is under way there and back, us.
+    fn measure(&self) -> f64 {
         let begun = Instant::now();
         self.socket.send(&[0; 34]).expect("it is sent");
         self.socket.recv(&mut [0; 64]).expect("it comes back");
-        begun.elapsed()
+        begun.elapsed().as_secs_f64() * 1e6
     }
 }
 
-impl Drop for Echo {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-/// Tells its address, then sends back what comes until it is killed.
+/// Prints its address, then sends back what comes until it is killed.
 fn echo() {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
     println!("{}", socket.local_addr().expect("its address"));
@@ -128,354 +249,82 @@ fn echo() {
     }
 }
 
-impl World {
-    fn start(signed: bool) -> World {
-        let folder = tempfile::tempdir().expect("a folder");
-        let (dli, mavlink) = (free(), free());
-        let key = folder.path().join("uav.key");
-        fs::write(&key, "5a".repeat(32)).expect("the key");
-        fs::set_permissions(&key, fs::Permissions::from_mode(0o600)).expect("its mode");
-        let config = folder.path().join("vsm.toml");
-        let signing = match signed {
-            true => "{ key_file = \"uav.key\" }",
-            false => "\"off\"",
-        };
-        let text = format!(
-            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"{dli}\"\nlease_s = 3600\n\
-             [[cucs]]\nid = \"{CUCS}\"\nloi = [2, 4]\naddress = \"127.0.0.1\"\n[[vehicle]]\n\
-             id = \"{VEHICLE}\"\nlink = \"udpin:{mavlink}\"\nsystem_id = 1\nsigning = {signing}\n\
-             [store]\ndir = \"state\"\n"
-        );
-        fs::write(&config, text).expect("the configuration");
-        let vsm = Command::new(VSM)
-            .args(["run", "--config"])
-            .arg(&config)
-            .env("RUST_LOG", "off")
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("vsm run");
-        let world = World {
-            autopilot: Autopilot::new(signed),
-            vsm,
-            vehicle: socket(),
-            station: socket(),
-            mavlink,
-            dli,
-            asked: Cell::new(0),
-            echo: Echo::start(),
-            folder,
-        };
-        std::thread::sleep(Duration::from_millis(500));
-        world.request(LoiBitmap::LOI2);
-        for _ in 0..50 {
-            world.mode_change();
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        world.discard();
-        world
-    }
-
-    fn request(&self, loi: LoiBitmap) {
-        self.say(&Message::from(CucsAuthorisationRequest {
-            time_stamp: Some(stamp()),
-            requested_handover_loi: Some(loi),
-            requested_handover_access: Some(RequestedAccess::Request),
-            ..CucsAuthorisationRequest::default()
-        }));
-    }
-
-    /// A 3001 reports it.
-    fn mode_change(&self) {
-        self.report(&self.autopilot.mode_change());
-    }
-
-    fn attitude(&self) {
-        self.report(&self.autopilot.attitude());
-    }
-
-    fn report(&self, frame: &[u8]) {
-        let sent = self.vehicle.send_to(frame, self.mavlink);
-        sent.expect("it is sent");
-    }
-
-    /// A 17002 for 3001; a 3001 answers it.
-    fn question(&self) {
-        // A second one of the same stamp would be the first one come again.
-        let unix_ms = stamp().unix_ms().max(self.asked.get() + 1);
-        self.asked.set(unix_ms);
-        self.say(&Message::from(GenericInformationRequestMessage {
-            time_stamp: Some(TimeStamp::from_unix_ms(unix_ms)),
-            message_type: Some(3001),
-            ..GenericInformationRequestMessage::default()
-        }));
-    }
-
-    fn say(&self, message: &Message) {
-        let mut out = [0; MAX_DATAGRAM];
-        let envelope = Envelope::new(CUCS, VEHICLE);
-        let length = message.encode(&envelope, &mut out).expect("it fits");
-        let sent = self.station.send_to(&out[..length], self.dli);
-        sent.expect("it is sent");
-    }
-
-    /// Sends at this rate for three seconds, one at a time, and awaits each.
-    fn measure(&self, what: &str, rate: u32, send: impl Fn(&World)) {
-        let count = rate * 10;
-        let (mut times, mut bare, mut lost) = (Vec::new(), Vec::new(), 0);
-        let cpu = cpu_time(self.vsm.id());
-        let mut due = Instant::now();
-        for _ in 0..count {
-            while Instant::now() < due {
-                std::hint::spin_loop();
-            }
-            due = Instant::now().max(due + Duration::from_secs(1) / rate);
-            self.discard();
-            let begun = Instant::now();
-            send(self);
-            match self.await_report(begun) {
-                Some(took) => times.push(took),
-                None => lost += 1,
-            }
-            bare.push(self.echo.measure());
-        }
-        let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu);
-        row(what, [times, bare], cpu, (lost, count));
-    }
-
-    /// Sticks at 50 Hz, and how old each is when the vehicle has it. The stick's own value tells which one it is.
-    fn sticks(&self) {
-        let signing = px4_sim::Signing::with_key(SigningKey::new([0x5a; 32]).expect("a key"), 0);
-        let config = px4_sim::Config {
-            unix_time_us: wall().as_micros() as u64,
-            ..px4_sim::Config::default()
-        };
-        let mut vehicle = px4_sim::Autopilot::new(config, signing, vec![Some(self.mavlink)]);
-        self.discard();
-        self.vehicle.set_nonblocking(true).expect("a socket");
-        let (begun, mut flown) = (Instant::now(), Duration::ZERO);
-        let (mut on_the_way, mut ages, mut bare) = (BTreeMap::new(), Vec::new(), Vec::new());
-        let (mut frame, mut bytes) = ([0; MAX_FRAME], [0; 2_048]);
-        let (mut number, mut cpu) = (0, Duration::ZERO);
-        while number < MEASURED_FROM + STICKS {
-            while flown < begun.elapsed() {
-                flown += SIMULATED;
-                vehicle.step(SIMULATED);
-                while let Some(sent) = vehicle.poll_transmit(&mut frame) {
-                    self.report(&frame[..sent.len]);
-                }
-            }
-            while let Ok((length, _)) = self.vehicle.recv_from(&mut bytes) {
-                let sent = lateral_stick(&bytes[..length]).and_then(|it| on_the_way.remove(&it));
-                ages.extend(sent.map(|at: Instant| at.elapsed()));
-                vehicle.handle_datagram(0, self.mavlink, &bytes[..length]);
-            }
-            if begun.elapsed() < STICK_PERIOD * number {
-                std::hint::spin_loop();
-                continue;
-            }
-            match number {
-                // The vehicle has reported itself under its own stamps.
-                REQUESTED_AT => self.request(LoiBitmap::from_raw(0x05)),
-                ENGAGED_AT => self.say(&Message::from(VehicleOperatingModeCommand {
-                    time_stamp: Some(stamp()),
-                    select_flight_path_control_mode: Some(FlightPathControlMode::FlightDirector),
-                    ..VehicleOperatingModeCommand::default()
-                })),
-                MEASURED_FROM => cpu = cpu_time(self.vsm.id()),
-                _ => {}
-            }
-            let lateral = (number % 200) as i8 - 100;
-            let stick = Message::from(UaStickCommand {
-                time_stamp: Some(stamp()),
-                lateral_stick: Some(lateral),
-                throttle_stick_engine_1: Some(50),
-                ..UaStickCommand::default()
-            });
-            if number >= MEASURED_FROM {
-                bare.push(self.echo.measure());
-                on_the_way.insert(lateral, Instant::now());
-            }
-            // Whoever is not in control has its sticks refused.
-            if number >= STICKS_FROM {
-                self.say(&stick);
-            }
-            number += 1;
-        }
-        let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu);
-        let lost = STICKS.saturating_sub(ages.len() as u32);
-        row(
-            "2010 to MANUAL_CONTROL, 50/s",
-            [ages, bare],
-            cpu,
-            (lost, STICKS),
-        );
-    }
-
-    /// Telemetry at this rate, and what it costs: processor time, and memory at the end.
-    fn load(&self, rate: u32, seconds: u32) {
-        let (cpu, before) = (cpu_time(self.vsm.id()), self.taken(ATTITUDE));
-        let begun = Instant::now();
-        for number in 0..rate * seconds {
-            let due = begun + Duration::from_secs(1) * number / rate;
-            std::thread::sleep(due.saturating_duration_since(Instant::now()));
-            self.attitude();
-            if number.is_multiple_of(16) {
-                self.discard();
-            }
-        }
-        let took = begun.elapsed();
+/// Signed frames at rising rates, a second each, until not all of them were taken.
+fn flood() {
+    let world = World::start(true, "");
+    let mut held = 0;
+    let ended = RATES.into_iter().find_map(|rate| {
+        let frames = Frames::telemetry(&world.autopilot, rate, 1);
+        let before = world.taken();
+        let took = frames.drive(&world.vehicle, rate).as_secs_f64();
         std::thread::sleep(Duration::from_millis(300));
-        self.discard();
-        let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu);
-        let taken = self.taken(ATTITUDE) - before;
-        println!(
-            "| {rate} frames/s, signing {}, {taken} of {} taken | {:.1} % | {:.1} us | {:.1} MB |",
-            if self.autopilot.signed { "on" } else { "off" },
-            rate * seconds,
-            cpu.as_secs_f64() / took.as_secs_f64() * 100.0,
-            cpu.as_secs_f64() * 1e6 / f64::from(rate * seconds),
-            memory_kb(self.vsm.id()) / 1_000.0,
-        );
-    }
-
-    fn await_report(&self, begun: Instant) -> Option<Duration> {
-        let mut bytes = [0; 2_048];
-        loop {
-            let (length, _) = self.station.recv_from(&mut bytes).ok()?;
-            let took = begun.elapsed();
-            let mut found = frames(&bytes[..length]).flatten();
-            if found.any(|frame| frame.header.message_type == 3001) {
-                return Some(took);
-            }
+        world.discard();
+        let lost = frames.count().saturating_sub(world.taken() - before);
+        let driven = f64::from(rate) / took;
+        if lost == 0 {
+            held = driven as u32;
         }
-    }
-
-    /// Throws away what has come.
-    fn discard(&self) {
-        for socket in [&self.station, &self.vehicle] {
-            socket.set_nonblocking(true).expect("a socket");
-            while socket.recv_from(&mut [0; 2_048]).is_ok() {}
-            socket.set_nonblocking(false).expect("a socket");
-        }
-    }
-
-    /// Signed frames at rising rates, a second each, until not all of them were taken.
-    fn flood(&self) {
-        let mut best = "under 2000".to_owned();
-        for rate in [2_000_u32, 5_000, 10_000, 20_000, 40_000, 80_000] {
-            let before = self.taken(HEARTBEAT);
-            let begun = Instant::now();
-            for number in 0..rate {
-                while begun.elapsed() < Duration::from_secs(1) * number / rate {
-                    std::hint::spin_loop();
-                }
-                self.mode_change();
-                if number.is_multiple_of(16) {
-                    self.discard();
-                }
-            }
-            let late = begun.elapsed() > Duration::from_millis(1_050);
-            std::thread::sleep(Duration::from_millis(300));
-            self.discard();
-            if late || self.taken(HEARTBEAT) - before < u64::from(rate) {
-                break;
-            }
-            best = rate.to_string();
-        }
-        println!("| signed frames a second before one is lost: {best} | | | | | | | | |");
-    }
-
-    /// How many messages of this id the bridge has believed of the vehicle.
-    fn taken(&self, id: &str) -> u64 {
-        let status = Command::new(VSM)
-            .args(["status", "--json", "--config"])
-            .arg(self.folder.path().join("vsm.toml"))
-            .output()
-            .expect("vsm status");
-        let status: serde_json::Value = serde_json::from_slice(&status.stdout).expect("JSON");
-        let link = &status["vehicles"][0]["link"];
-        assert!(link["received"].is_object(), "no counts in {status:#}");
-        // None is counted before the first.
-        link["received"][id].as_u64().unwrap_or(0)
-    }
+        (lost > 0).then(|| format!("at {driven:.0} it loses {lost} of {rate}"))
+    });
+    let ended = ended.unwrap_or_else(|| "the driver is no faster".to_owned());
+    println!("| signed frames a second, before one is lost | and above |");
+    println!("|---|---|");
+    println!("| {held} | {ended} |");
+    println!();
 }
 
-impl Drop for World {
-    fn drop(&mut self) {
-        let _ = self.vsm.kill();
-        let _ = self.vsm.wait();
-    }
-}
-
-/// A row of the first table: times through the bridge and of the bare echo.
-fn row(what: &str, times: [Vec<Duration>; 2], cpu: Duration, (lost, count): (u32, u32)) {
-    let [whole, bare] = times.map(Percentiles::of);
+/// Telemetry at PX4's rate and far above it, and what it costs: processor time, and memory at the end.
+fn loads() {
     println!(
-        "| {what} | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {:.0} us | {lost} of {count} |",
-        whole.p50,
-        whole.p99,
-        bare.p50,
-        bare.p99,
-        whole.p50 - bare.p50,
-        whole.p99 - bare.p99,
-        cpu.as_secs_f64() * 1e6 / f64::from(count),
+        "| `vsm run` under telemetry, one vehicle | of a core, % | CPU a frame, us | memory |"
     );
-}
-
-/// The lateral stick that a frame of the bridge carries, per cent, if it is a MANUAL_CONTROL.
-fn lateral_stick(frame: &[u8]) -> Option<i8> {
-    let frame = FrameView::parse(frame).ok()?;
-    // MAVLink leaves zeros at the end of a payload out.
-    let at = |index| frame.payload().get(index).copied().unwrap_or(0);
-    let per_mille = i16::from_le_bytes([at(2), at(3)]);
-    let is_sticks = frame.header().message_id == MANUAL_CONTROL;
-    is_sticks.then(|| i8::try_from(per_mille / 10).ok())?
-}
-
-/// Of durations, in us.
-struct Percentiles {
-    p50: f64,
-    p99: f64,
-}
-
-impl Percentiles {
-    fn of(mut times: Vec<Duration>) -> Percentiles {
-        times.sort();
-        let micros = |part: f64| {
-            let at = (times.len() as f64 * part) as usize;
-            times
-                .get(at)
-                .map_or(f64::NAN, |took| took.as_secs_f64() * 1e6)
-        };
-        Percentiles {
-            p50: micros(0.5),
-            p99: micros(0.99),
+    println!("|---|---|---|---|");
+    let mut random = Random::new();
+    for rate in [PX4_RATE, 5_000] {
+        let mut worlds = [false, true].map(|signed| World::start(signed, ""));
+        let turns = in_turns(TURNS, &mut random, &mut worlds, |world| load(world, rate));
+        for (world, turns) in worlds.iter().zip(turns) {
+            let (cpu_s, taken): (Vec<f64>, Vec<u64>) = turns.into_iter().unzip();
+            let each = |factor: f64| {
+                let values: Vec<f64> = cpu_s.iter().map(|cpu_s| cpu_s * factor).collect();
+                Spread::of(&values)
+            };
+            println!(
+                "| {rate} frames/s, signing {}, {} of {} taken | {:.1} | {:.1} | {:.1} MB |",
+                if world.autopilot.signed { "on" } else { "off" },
+                taken.iter().sum::<u64>(),
+                TURNS as u64 * u64::from(rate * TURN_S),
+                each(100.0 / f64::from(TURN_S)),
+                each(1e6 / f64::from(rate * TURN_S)),
+                memory_kb(world.process()) / 1_000.0,
+            );
         }
     }
 }
 
-fn stamp() -> TimeStamp {
-    TimeStamp::from_unix_ms(wall().as_millis() as u64)
+/// Processor time of one turn, s, and how many frames were taken.
+fn load(world: &World, rate: u32) -> (f64, u64) {
+    let frames = Frames::telemetry(&world.autopilot, rate, TURN_S);
+    // The status is served by the bridge: that is not of the load.
+    let before = world.taken();
+    let cpu = cpu_time(world.process());
+    frames.drive(&world.vehicle, rate);
+    std::thread::sleep(Duration::from_millis(100));
+    world.discard();
+    let cpu = cpu_time(world.process()).saturating_sub(cpu);
+    (cpu.as_secs_f64(), world.taken() - before)
 }
 
-const MANUAL_CONTROL: u32 = 69;
-const STICK_PERIOD: Duration = Duration::from_millis(20);
-/// When control is requested, since when sticks are sent, and when they are to be flown, in periods of a stick.
-const REQUESTED_AT: u32 = 250;
-const STICKS_FROM: u32 = 300;
-const ENGAGED_AT: u32 = 350;
-/// From here on they are measured: half a minute.
-const MEASURED_FROM: u32 = 500;
-const STICKS: u32 = 1_500;
-/// The step of the simulation.
-const SIMULATED: Duration = Duration::from_millis(10);
-/// Message ids, as the status has them.
-const HEARTBEAT: &str = "0";
-const ATTITUDE: &str = "30";
+/// Each kind of message, or load, is measured so often; a load for so many seconds.
+const TURNS: usize = 5;
+const TURN_S: u32 = 4;
+const LATENCIES_S: u32 = 10;
+/// A bridge reports as many changes of a vehicle's mode by themselves; of more the scheduled reports have to be enough.
+const MODE_CHANGES_HZ: u32 = 10;
+const RATES: [u32; 9] = [
+    2_000, 5_000, 10_000, 20_000, 40_000, 80_000, 160_000, 320_000, 640_000,
+];
 /// What PX4 v1.18 sends a second on a link of a ground station.
 const PX4_RATE: u32 = 370;
 /// The argument that makes this program the echo.
 const ECHO: &str = "--send-back";
-const VSM: &str = env!("CARGO_BIN_EXE_vsm");
-const CUCS: Id = Id(0x1b00_00a0);
-const VEHICLE: Id = Id(0x1b00_0101);

@@ -12,6 +12,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use ed25519_dalek::Signer as _;
+use kit::measure::thread_time;
 use p256::ecdsa::signature::Verifier as _;
 use stanag_msgs::Id;
 use stanag_msgs::guard::{Direction, GuardKey, Guarded, MAX_GUARDED, Trailer};
@@ -126,23 +127,17 @@ fn rust() -> [Row; 3] {
     ]
 }
 
-/// ns a call, of as many as take a few milliseconds.
+/// ns a call, of as many as take a few milliseconds: processor time, as `openssl speed` has it too.
 fn one(work: &mut dyn FnMut()) -> f64 {
-    let begun = cpu_time();
+    let begun = thread_time();
     let mut calls = 0_u32;
-    while cpu_time() - begun < ROUND {
+    while thread_time() - begun < ROUND {
         for _ in 0..8 {
             work();
         }
         calls += 8;
     }
-    (cpu_time() - begun).as_nanos() as f64 / f64::from(calls)
-}
-
-/// Of this thread, as `openssl speed` has it too: what else the machine does is not counted.
-fn cpu_time() -> Duration {
-    let at = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
-    Duration::try_from(at).unwrap_or_default()
+    (thread_time() - begun).as_nanos() as f64 / f64::from(calls)
 }
 
 /// By `openssl speed`, which signs a digest: lines such as `+F2:2:2048:3589.58:46064.83`, operations a second.

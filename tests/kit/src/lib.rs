@@ -11,6 +11,7 @@
 //! | [`serial`] | serial lines made of pseudo terminals |
 //! | [`streams`] | what PX4 sends on a radio |
 //! | [`heap`] | an allocator that counts |
+//! | [`measure`] | for benches: turns in random order, medians with their spread, what a process takes |
 //! | `any_input` (feature `any_input`) | what has to hold for any bytes at all: the targets of fuzzing |
 //! | `bridge` (feature `bridge`) | the bridge with simulated vehicles and ground stations |
 //! | `web` (feature `web`) | a client of the page's WebSocket |
@@ -47,6 +48,7 @@ pub mod curves;
 #[cfg(feature = "bridge")]
 pub mod etcd;
 pub mod heap;
+pub mod measure;
 pub mod network;
 pub mod process;
 pub mod relay;

@@ -1,5 +1,5 @@
-//! What the benches of `vsm run` as a process share: sockets on loopback. Beside it, for those that need it: the vehicle's
-//! frames, and what a process costs.
+//! What the benches of `vsm run` as a process share: sockets on loopback. Beside it, for those that need it: the bridge, and the
+//! vehicle's frames.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;

@@ -24,11 +24,10 @@ impl Autopilot {
         }
     }
 
-    /// A HEARTBEAT in the other of two modes; a 3001 reports it.
-    pub(crate) fn mode_change(&self) -> Vec<u8> {
-        let even = self.sent.get().is_multiple_of(2);
+    /// In AUTO.MISSION, or in AUTO.LOITER; a 3001 reports a change.
+    pub(crate) fn heartbeat(&self, mission: bool) -> Vec<u8> {
         self.frame(&MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: [0x0304_0000, 0x0404_0000][usize::from(even)],
+            custom_mode: if mission { 0x0404_0000 } else { 0x0304_0000 },
             mavtype: MavType::MAV_TYPE_QUADROTOR,
             autopilot: MavAutopilot::MAV_AUTOPILOT_PX4,
             base_mode: MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
@@ -64,7 +63,7 @@ impl Autopilot {
         };
         let mut length = encode(message, header, &mut out);
         if self.signed {
-            let key = SigningKey::new([0x5a; 32]).expect("a key");
+            let key = SigningKey::new(KEY).expect("a key");
             // As every signer must: two frames within 10 us do not share a stamp.
             let stamp = Stamp::from_unix(wall()).get().max(self.stamped.get() + 1);
             self.stamped.set(stamp);
@@ -73,3 +72,6 @@ impl Autopilot {
         out[..length].to_vec()
     }
 }
+
+/// The vehicle's signing key.
+pub(crate) const KEY: [u8; 32] = [0x5a; 32];
