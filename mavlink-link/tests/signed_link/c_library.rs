@@ -17,7 +17,7 @@ fn stamp() -> Stamp {
 /// Without the library there is nothing to compare with: that is a failure, as for the other peers.
 fn harness(test: &str) -> PathBuf {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(test);
-    comparison_benches::harness(&folder).unwrap_or_else(|missing| panic!("{missing}"))
+    comparison_benches::harness(&folder, &["-O2"]).unwrap_or_else(|missing| panic!("{missing}"))
 }
 
 fn signed_by_c(program: &std::path::Path, stamp: Stamp, count: usize) -> Vec<Vec<u8>> {
