@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 
+use crate::bench;
 use crate::dependencies;
 use crate::fuzz;
 use crate::licences;
@@ -36,6 +37,8 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     steps.step("every declared dependency is used", dependencies::check)?;
     steps.step("no modules use each other in a cycle", metrics::check)?;
     publish(steps)?;
+    // Before anything runs beside it. Of the optimised code: a debug build's ratios say nothing about it.
+    bench::check(steps)?;
     tests::build(steps)?;
     // Built with everything else: started by `cargo run` it would be built again, with other features of dependencies.
     steps.run(built("generate")?.args(["files", "--check"]))?;

@@ -78,7 +78,9 @@ usage: cargo xtask TASK
           that CI takes
   ci      check formatting, lints, documentation, generated files, dependencies and licences, then `test` and `fuzz`
   gen     write the dissector, the support table and the reference; --check: only list what is stale
-  bench   run every bench, the C library and pymavlink for comparison; print the figures as Markdown
+  bench   run every bench beside the C library, mavlink-router (MAVLINK_ROUTERD, or mavlink-routerd of the search path), MAVSDK and
+          pymavlink; print figures, goals and verdicts as Markdown; --table: only the benches of the goals; --docs: those, and
+          write docs/reference/performance.md and its picture
   fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all; --corpus DIR: from and to there
   kill    kill -9 the bridge and the agent at random moments of flights, and check what must not be lost; --times N,
           --side-by-side N, --seed N
