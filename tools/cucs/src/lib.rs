@@ -33,7 +33,7 @@ pub use session::machine::{Event, Session};
 pub use session::sender::{Delivery, Edition, Now, SendError, SessionConfig, Ticket};
 pub use session::traffic::{ByType, Traffic};
 pub use session::vehicle::{Position, Vehicle};
-pub use station::command::LoiterAt;
+pub use station::command::{LoiterAt, launch_command, mode_command};
 pub use station::endpoint::Station;
 pub use station::outcome::{Outcome, Refused, StationError, Timeouts};
 pub use station::rights::Discovered;

@@ -214,13 +214,14 @@ impl Simulator {
         self.orders.empty_battery.store(empty, Ordering::Relaxed);
     }
 
-    /// Stops and waits until the sockets are closed.
-    pub async fn stop(mut self) {
+    /// Stops, waits until the sockets are closed, and returns the counters of everything that was sent and received.
+    pub async fn stop(mut self) -> Counters {
         self.orders.stop.store(true, Ordering::Relaxed);
         if let Some(task) = self.task.take() {
             // A panic of the task has been reported by the runtime; there is nothing left to stop.
             let _ = task.await;
         }
+        self.counters()
     }
 
     fn lock(&self) -> MutexGuard<'_, Shared> {
@@ -267,6 +268,8 @@ impl Simulation {
             tokio::select! {
                 _ = beat.tick() => {
                     if orders.stop.load(Ordering::Relaxed) {
+                        // What was answered since the last step counts too.
+                        self.publish();
                         return;
                     }
                     let requested = orders.restarts.load(Ordering::Relaxed);
@@ -306,6 +309,11 @@ impl Simulation {
             self.sample();
             self.flush().await;
         }
+        self.publish();
+    }
+
+    /// Shows the handle where the vehicle is, and the counters.
+    fn publish(&self) {
         let counters = Counters {
             vehicle: self.autopilot.vehicle().counters(),
             links: (0..self.sockets.len())

@@ -71,7 +71,7 @@ fn who_has_seen_enough_ends_it_in_flight() {
 }
 
 /// Where the page is, as the demo prints it.
-fn address(printed: &str) -> &str {
+pub(super) fn address(printed: &str) -> &str {
     let page = printed.split("http://").nth(1);
     page.and_then(|rest| rest.split('/').next())
         .expect("its address")
@@ -85,7 +85,7 @@ fn has_a_key(printed: &str, page: &str) {
     assert_eq!(digits, 64, "{printed}");
 }
 
-fn json(page: &str, path: &str) -> Value {
+pub(super) fn json(page: &str, path: &str) -> Value {
     let answer = get(page, path);
     let body = answer.split("\r\n\r\n").nth(1).unwrap_or_default();
     serde_json::from_str(body).unwrap_or_else(|fault| panic!("{fault}: {answer}"))

@@ -9,6 +9,7 @@ mod configuration;
 mod dead_neighbour;
 mod demo_attack;
 mod demo_curves;
+mod demo_fleet;
 mod demo_payload;
 mod demo_web;
 mod demo_wings;

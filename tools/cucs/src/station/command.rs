@@ -50,8 +50,7 @@ impl Station {
         altitude_m: f64,
         altitude_type: AltitudeType,
     ) -> Result<Outcome, StationError> {
-        let mut command = mode(Mode::Launch);
-        set_altitude(&mut command, altitude_m, altitude_type)?;
+        let command = launch_command(altitude_m, altitude_type)?;
         self.operate(vehicle, command).await
     }
 
@@ -65,7 +64,7 @@ impl Station {
         from: Option<u16>,
         speed_m_s: Option<f64>,
     ) -> Result<Outcome, StationError> {
-        let mut command = mode(Mode::Waypoint);
+        let mut command = mode_command(Mode::Waypoint);
         command.commanded_waypoint_number = from;
         set_speed(&mut command, speed_m_s)?;
         self.operate(vehicle, command).await
@@ -76,7 +75,7 @@ impl Station {
     /// # Errors
     /// As [`Station::operate`]; values that cannot be expressed.
     pub async fn loiter(&mut self, vehicle: Id, at: LoiterAt) -> Result<Outcome, StationError> {
-        let mut command = mode(Mode::Loiter);
+        let mut command = mode_command(Mode::Loiter);
         if let Some((latitude, longitude)) = at.position_deg {
             command.loiter_position_latitude = Some(Bam32::from_degrees(latitude));
             command.loiter_position_longitude = Some(Bam32::from_degrees(longitude));
@@ -94,7 +93,8 @@ impl Station {
     /// # Errors
     /// As [`Station::operate`].
     pub async fn land(&mut self, vehicle: Id) -> Result<Outcome, StationError> {
-        self.operate(vehicle, mode(Mode::AutolandEngage)).await
+        self.operate(vehicle, mode_command(Mode::AutolandEngage))
+            .await
     }
 
     /// 2005: resets, arms or executes a flight termination. It counts as executed once the vehicle has shown it.
@@ -147,11 +147,26 @@ impl Station {
     }
 }
 
-fn mode(mode: Mode) -> VehicleOperatingModeCommand {
+/// A 2016 that commands a mode and nothing else, for [`Station::post`].
+#[must_use]
+pub fn mode_command(mode: Mode) -> VehicleOperatingModeCommand {
     VehicleOperatingModeCommand {
         select_flight_path_control_mode: Some(mode),
         ..VehicleOperatingModeCommand::default()
     }
+}
+
+/// The 2016 of [`Station::launch`], for [`Station::post`].
+///
+/// # Errors
+/// An altitude that cannot be expressed.
+pub fn launch_command(
+    altitude_m: f64,
+    altitude_type: AltitudeType,
+) -> Result<VehicleOperatingModeCommand, StationError> {
+    let mut command = mode_command(Mode::Launch);
+    set_altitude(&mut command, altitude_m, altitude_type)?;
+    Ok(command)
 }
 
 pub(crate) fn set_altitude(

@@ -245,6 +245,20 @@ impl Station {
         self.delivered(ticket, destination, within).await
     }
 
+    /// Queues messages that request an acknowledgement; they are sent while the next method runs. For a station that commands
+    /// several vehicles at a time, and waits for all their answers together ([`Station::next_event`]).
+    ///
+    /// # Errors
+    /// One of them cannot be written; none is sent.
+    pub fn post(
+        &mut self,
+        destination: Id,
+        messages: impl IntoIterator<Item = Message>,
+    ) -> Result<Vec<Ticket>, StationError> {
+        let now = self.now();
+        Ok(self.session.send_all(now, destination, messages)?)
+    }
+
     /// Sends a command and waits until it is carried out or refused.
     pub(super) async fn command(
         &mut self,

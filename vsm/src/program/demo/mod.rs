@@ -1,4 +1,4 @@
-//! `vsm demo`: the bridge, a simulated PX4 and a CUCS on loopback sockets, from discovery to release.
+//! `vsm demo`: the bridge, one simulated PX4 or a fleet, and a CUCS on loopback sockets, from discovery to release.
 //!
 //! Each has a thread of its own and only sockets between them. The simulator runs faster than time; signing clocks,
 //! time-outs and the CUCS stay in real time.
@@ -6,7 +6,9 @@
 mod agent;
 mod altitudes;
 pub(crate) mod attack;
+mod closing;
 mod curve;
+mod fleet;
 mod labels;
 mod payload;
 mod picture;
@@ -19,9 +21,8 @@ mod wings;
 mod wire;
 mod world;
 
-use std::io::{self, Write};
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::pin::pin;
 
 use anyhow::{Context as _, anyhow};
@@ -29,11 +30,13 @@ use cucs::{LoiterAt, Session, Station};
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode, LoiBitmap, RequestedAccess};
 
+use self::closing::leave;
 use self::curve::Section;
-use self::picture::Picture;
-use self::stage::{PILOT, Stage};
+use self::picture::{CHAIN, Picture};
+use self::stage::{NO_SIGNALS, PILOT, Stage, runtime};
 use self::story::{
-    CUCS, FLIGHT_WITHIN, Story, await_mode, await_position, await_waypoint, discover, take_control,
+    CUCS, FLIGHT_WITHIN, Story, await_mode, await_position, await_waypoint, discover, discover_all,
+    take_control,
 };
 use self::track::{Point, Track};
 use self::wings::Scenario;
@@ -55,7 +58,7 @@ pub(crate) struct Arguments {
         conflicts_with = "attack"
     )]
     web: Option<u16>,
-    /// Run the simulator this many times faster than real time (default: 10; with --attack 5; with --payload or --web 3)
+    /// Run the simulator this many times faster than real time (default: 10; with --attack 5; with --payload or --web 3; with --fleet 1)
     #[arg(long)]
     speed: Option<f64>,
     /// Show attacks instead: false data pull a hovering vehicle down, without signing, guard and encryption and with them
@@ -73,6 +76,14 @@ pub(crate) struct Arguments {
     /// Have a second CUCS point, zoom and record with an EO/IR payload while the first one flies
     #[arg(long, conflicts_with_all = ["attack", "curve", "wing", "vtol"])]
     payload: bool,
+    /// Fly N quadrotors together, 1 to 200, over one bridge and one MAVLink port, by one CUCS
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u8).range(1..=200),
+        conflicts_with_all = ["attack", "curve", "wing", "vtol", "payload"]
+    )]
+    fleet: Option<u8>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -85,10 +96,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         wing,
         vtol,
         payload,
+        fleet,
     } = arguments;
-    // A gimbal is steered in real time: at a higher speed the vehicle has moved on before it is turned. Neither is a person
-    // who looks at the page any faster. Two flights at a time need two more threads.
+    // A fleet shows what it costs, which is at the speed at which it is flown. A gimbal is steered in real time: at a higher
+    // speed the vehicle has moved on before it is turned. Neither is a person who looks at the page any faster. Two flights
+    // at a time need two more threads.
     let usual = match (*payload || web.is_some(), *attack) {
+        _ if fleet.is_some() => 1.0,
         (true, _) => 3.0,
         (false, true) => 5.0,
         (false, false) => 10.0,
@@ -109,7 +123,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     } else if *wing || *vtol {
         fly_on_wings(stage, Scenario::of(*vtol))
     } else if web.is_some() {
-        hand_over(stage)
+        hand_over(stage, fleet::vehicles(fleet.unwrap_or(1)))
+    } else if let Some(count) = fleet {
+        fleet::fly(stage, *count)
     } else {
         fly(stage)
     };
@@ -117,9 +133,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// Nothing flies by itself: who opens the page does. The world is stopped also where this fails.
-fn hand_over(stage: &Stage<'_>) -> anyhow::Result<()> {
+fn hand_over(stage: &Stage<'_>, vehicles: Vec<px4_sim::Config>) -> anyhow::Result<()> {
     let story = Story::begin(stage.speed);
-    let world = stage.start(px4_sim::Config::default())?;
+    let count = vehicles.len();
+    let world = stage.start_fleet(vehicles)?;
     let page = world.page.context("the bridge serves no page")?;
     let runtime = runtime()?;
     let ended = runtime.block_on(async {
@@ -127,16 +144,21 @@ fn hand_over(stage: &Stage<'_>) -> anyhow::Result<()> {
         // The link is shown once there is something to fly.
         let ready = async {
             let mut station = Station::bind(CUCS, "127.0.0.1:0".parse()?, world.vsm).await?;
-            let vehicle = discover(&mut station).await?;
-            station
-                .request(vehicle, LoiBitmap::LOI2, RequestedAccess::Request)
-                .await?;
-            await_position(&mut station, vehicle).await?;
-            station.release(vehicle).await?;
-            anyhow::Ok(vehicle)
+            let found = discover_all(&mut station, count).await?;
+            for vehicle in &found {
+                station
+                    .request(*vehicle, LoiBitmap::LOI2, RequestedAccess::Request)
+                    .await?;
+                await_position(&mut station, *vehicle).await?;
+                station.release(*vehicle).await?;
+            }
+            anyhow::Ok(found)
         };
         tokio::select! {
-            vehicle = ready => story.tell(format!("{} is on the ground and nobody's", vehicle?)),
+            found = ready => story.tell(match &found?[..] {
+                [vehicle] => format!("{vehicle} is on the ground and nobody's"),
+                all => format!("{} vehicles are on the ground and nobody's", all.len()),
+            }),
             () = &mut stop => return Ok(()),
         }
         story.tell(format!(
@@ -149,12 +171,6 @@ fn hand_over(stage: &Stage<'_>) -> anyhow::Result<()> {
     });
     world.stop()?;
     ended
-}
-
-fn runtime() -> io::Result<tokio::runtime::Runtime> {
-    tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
 }
 
 fn fly(stage: &Stage<'_>) -> anyhow::Result<()> {
@@ -173,6 +189,7 @@ fn fly(stage: &Stage<'_>) -> anyhow::Result<()> {
         title: "vsm demo: planned and flown",
         planned: &planned,
         flown: &track,
+        others: &[],
         note: &format!("{CHAIN}; largest deviation from the route {deviation_m:.1} m"),
         marks: &[],
         looks: &[],
@@ -204,6 +221,7 @@ fn fly_curves(stage: &Stage<'_>) -> anyhow::Result<()> {
         title: "vsm demo --curve: Everland Speedway, nine curved legs",
         planned: &planned,
         flown: &track,
+        others: &[],
         note: &format!(
             "{CHAIN}; largest deviation from the curves {:.1} m",
             compared.flown.deviation_m
@@ -230,6 +248,7 @@ fn fly_on_wings(stage: &Stage<'_>, scenario: &Scenario) -> anyhow::Result<()> {
         title: scenario.title,
         planned: &planned,
         flown: &track,
+        others: &[],
         note: &format!("{CHAIN}; touched down {off_m:.1} m from its place"),
         marks: &marks,
         looks: &[],
@@ -268,6 +287,7 @@ fn fly_with_payload(stage: &Stage<'_>) -> anyhow::Result<()> {
         title: "vsm demo --payload: one CUCS flies, another operates the EO/IR payload",
         planned: &straight::planned(payload::WAYPOINTS),
         flown: &track,
+        others: &[],
         note: &format!("{CHAIN}; image centres as the vehicle reported them (21101)"),
         marks: &watched.marks,
         looks: &watched.near(),
@@ -334,42 +354,6 @@ fn session(
     // Also after a failed flight, so that the threads end and the recording is flushed.
     let remains = world.stop()?;
     Ok(flown?.map(|station| (station, remains)))
-}
-
-/// Writes the picture, and tells the table and where everything is.
-fn leave(
-    out: &Path,
-    picture: &Picture<'_>,
-    station: &Station,
-    remains: &Remains,
-    story: &Story,
-    report: &str,
-) -> anyhow::Result<()> {
-    let svg = out.join("flight.svg");
-    std::fs::write(&svg, picture.svg())
-        .with_context(|| format!("{} cannot be written", svg.display()))?;
-    let points = &picture.flown.points;
-    let summary = table::Summary {
-        traffic: station.session().traffic(),
-        status: &remains.status,
-        simulator: &remains.counters,
-        flight_s: points.last().map_or(0.0, |last| last.time_s)
-            - points.first().map_or(0.0, |first| first.time_s),
-        took: story.started.elapsed(),
-        speed: story.speed,
-    };
-    let text = format!(
-        "{}{report}{}\nflight.svg shows it, {} is the MAVLink recording\n{}\n",
-        summary.text(),
-        summary.times(),
-        remains.recording,
-        std::path::absolute(out)
-            .unwrap_or_else(|_| PathBuf::from(out))
-            .display()
-    );
-    io::stdout()
-        .write_all(text.as_bytes())
-        .context("standard output")
 }
 
 /// Where whoever opens it is the pilot of the demo.
@@ -486,9 +470,6 @@ const WAYPOINTS: &[straight::Row] = &[
     (5, 0.0, 20.0, 30.0, 8.0, 0),
 ];
 
-/// What flies, for the note of a picture.
-const CHAIN: &str = "CUCS over DLI, bridge, signed MAVLink 2, simulated PX4";
-const NO_SIGNALS: &str = "the signals that end the demo cannot be received";
 const LAUNCH_M: f64 = 30.0;
 const HIGHER_M: f64 = 45.0;
 const SLOWER_M_S: f64 = 5.0;

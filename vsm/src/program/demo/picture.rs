@@ -43,6 +43,8 @@ pub(crate) struct Picture<'a> {
     pub(crate) title: &'a str,
     pub(crate) planned: &'a Planned,
     pub(crate) flown: &'a Track,
+    /// The tracks of the rest of a fleet, in the same frame.
+    pub(super) others: &'a [Track],
     pub(crate) note: &'a str,
     /// In the order of the flight: lettered in the map, named in the profile.
     pub(crate) marks: &'a [Mark],
@@ -72,7 +74,8 @@ impl Picture<'_> {
 
     fn map(&self, svg: &mut String) {
         let planned = self.planned.line.iter().chain(&self.planned.landing);
-        let places = planned.chain(&self.flown.points);
+        let others = self.others.iter().flat_map(|track| &track.points);
+        let places = planned.chain(&self.flown.points).chain(others);
         let (mut west, mut east, mut south, mut north) = (f64::MAX, f64::MIN, f64::MAX, f64::MIN);
         for point in places {
             (west, east) = (west.min(point.east_m), east.max(point.east_m));
@@ -144,6 +147,10 @@ impl Picture<'_> {
             );
             labels.name((x(entry), y(entry)), "landing pattern", LANDING);
         }
+        for other in self.others {
+            let track = other.points.iter().map(|point| (x(point), y(point)));
+            polyline(svg, track, OTHER, OTHER_STYLE);
+        }
         let flown = self.flown.points.iter().map(|point| (x(point), y(point)));
         polyline(svg, flown, FLOWN, "stroke-width=\"2\"");
         for vertex in &self.planned.vertices {
@@ -199,12 +206,20 @@ impl Picture<'_> {
             .iter()
             .map(|point| point.up_m)
             .fold(10.0, f64::max);
+        // Each vehicle's time begins with its own arming.
+        let span = |track: &Track| match &track.points[..] {
+            [begun, .., ended] => ended.time_s - begun.time_s,
+            _ => 0.0,
+        };
+        let others = self.others.iter().flat_map(|track| &track.points);
         let highest = points
             .iter()
+            .chain(others)
             .map(|point| point.up_m)
             .fold(planned_top, f64::max)
             * 1.15;
-        let seconds = (last.time_s - first.time_s).max(1.0);
+        let longest = self.others.iter().map(span).fold(1.0, f64::max);
+        let seconds = (last.time_s - first.time_s).max(longest);
         let x = |time_s: f64| MARGIN + (time_s - first.time_s) / seconds * MAP_WIDTH;
         let y = |up_m: f64| PROFILE_TOP + PROFILE_HEIGHT * (1.0 - up_m.max(0.0) / highest);
         let _ = writeln!(
@@ -230,6 +245,13 @@ impl Picture<'_> {
                 "<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"#555\">{step:.0}</text>",
                 PROFILE_TOP + PROFILE_HEIGHT + 16.0
             );
+        }
+        for other in self.others {
+            let begun_s = other.points.first().map_or(0.0, |point| point.time_s);
+            let track = other.points.iter();
+            let track =
+                track.map(|point| (x(first.time_s + point.time_s - begun_s), y(point.up_m)));
+            polyline(svg, track, OTHER, OTHER_STYLE);
         }
         polyline(
             svg,
@@ -270,6 +292,9 @@ impl Picture<'_> {
             (PLANNED, " stroke-dasharray=\"7 5\"", "planned"),
             (FLOWN, "", "flown"),
         ];
+        if !self.others.is_empty() {
+            lines.push((OTHER, "", "the others of the fleet"));
+        }
         if !self.planned.landing.is_empty() {
             lines.push((LANDING, " stroke-dasharray=\"7 5\"", "landing pattern"));
         }
@@ -399,6 +424,8 @@ pub(super) fn ticks(to: f64) -> impl Iterator<Item = f64> {
         .take_while(move |value| *value <= to)
 }
 
+/// What flies, for the note of a picture.
+pub(super) const CHAIN: &str = "CUCS over DLI, bridge, signed MAVLink 2, simulated PX4";
 pub(super) const WIDTH: f64 = 920.0;
 const HEIGHT: f64 = 860.0;
 pub(super) const MARGIN: f64 = 46.0;
@@ -413,6 +440,9 @@ const SIGHT: &str = "#9ccfc4";
 const SEEN: &str = "#0d7a66";
 const ARM: &str = "#b9a3c9";
 const LANDING: &str = "#2a7d3c";
+/// Tracks that are drawn under the first one, which is drawn over all of them.
+const OTHER: &str = "#e0a38c";
+const OTHER_STYLE: &str = "class=\"other\" stroke-width=\"1\"";
 const MARKED: &str = "#6a1fa8";
 pub(super) const PLANNED: &str = "#1f5fa8";
 pub(super) const FLOWN: &str = "#c8401a";

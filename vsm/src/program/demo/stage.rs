@@ -1,5 +1,6 @@
-//! `vsm demo --web`: the world with the operator's page beside it.
+//! Where a demo is flown: the folder, the speed, the operator's page (`vsm demo --web`), and the runtime of its CUCS.
 
+use std::io;
 use std::path::Path;
 
 use super::world::{Setup, World};
@@ -18,6 +19,11 @@ pub(super) struct Stage<'a> {
 impl Stage<'_> {
     /// The bridge and its vehicle, protected.
     pub(super) fn start(&self, vehicle: px4_sim::Config) -> anyhow::Result<World> {
+        self.start_fleet(vec![vehicle])
+    }
+
+    /// The bridge and several vehicles on one link, each with a key of its own.
+    pub(super) fn start_fleet(&self, vehicles: Vec<px4_sim::Config>) -> anyhow::Result<World> {
         // Loopback only: everybody who reaches the page can read it, and everybody with the key can fly by it.
         let more = self
             .page
@@ -25,7 +31,7 @@ impl Stage<'_> {
         let more = more.unwrap_or_default();
         let setup = Setup {
             speed: self.speed,
-            vehicle,
+            vehicles,
             more: &more,
             ..Setup::default()
         };
@@ -33,6 +39,14 @@ impl Stage<'_> {
     }
 }
 
+/// What a CUCS runs on: one thread.
+pub(super) fn runtime() -> io::Result<tokio::runtime::Runtime> {
+    tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+}
+
+pub(super) const NO_SIGNALS: &str = "the signals that end the demo cannot be received";
 /// Who looks at the page may fly from there: a ground station of its own, whose key is made for this demo and goes with it.
 pub(super) const PILOT: &str = "1b:00:00:b0";
 const PILOT_TABLES: &str = r#"

@@ -1,10 +1,11 @@
 //! The common part of every flight of the demo: it is narrated as it happens, and begins with a CUCS that finds its
 //! vehicle.
 
-use std::io::{self, Write};
+use std::cell::Cell;
+use std::io::{self, IsTerminal as _, Write};
 use std::time::{Duration, Instant};
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use cucs::{Session, Station, Vehicle};
 use stanag_msgs::Id;
 use stanag_msgs::enums::{FlightPathControlMode as Mode, LoiBitmap, RequestedAccess};
@@ -13,6 +14,8 @@ use stanag_msgs::enums::{FlightPathControlMode as Mode, LoiBitmap, RequestedAcce
 pub(super) struct Story {
     pub(super) started: Instant,
     pub(super) speed: f64,
+    /// A line of progress stands on the terminal, without its end.
+    unfinished: Cell<bool>,
 }
 
 impl Story {
@@ -20,28 +23,61 @@ impl Story {
         let story = Story {
             started: Instant::now(),
             speed,
+            unfinished: Cell::new(false),
         };
         story.tell(format!(
-            "a simulated PX4, {speed} times faster than time; signing clocks stay real"
+            "simulated PX4, at {speed} times real time; signing clocks stay real"
         ));
         story
     }
 
     pub(super) fn tell(&self, what: impl std::fmt::Display) {
-        let line = format!("[{:5.1} s] {what}\n", self.started.elapsed().as_secs_f64());
+        let over = self.unfinished.take();
+        self.write(over, &format!("{what}\n"));
+    }
+
+    /// One line that is written over until something is told; nothing where no person watches.
+    pub(super) fn progress(&self, what: impl std::fmt::Display) {
+        if io::stdout().is_terminal() {
+            let over = self.unfinished.replace(true);
+            self.write(over, &what.to_string());
+        }
+    }
+
+    /// `over`: in place of the line that stands there.
+    fn write(&self, over: bool, what: &str) {
+        let clear = if over { "\r\x1b[K" } else { "" };
+        let line = format!(
+            "{clear}[{:5.1} s] {what}",
+            self.started.elapsed().as_secs_f64()
+        );
+        let mut out = io::stdout();
         // A closed standard output must not stop a flight half-way.
-        let _ = io::stdout().write_all(line.as_bytes());
+        let _ = out.write_all(line.as_bytes()).and_then(|()| out.flush());
     }
 }
 
 /// The one vehicle of the demo.
 pub(super) async fn discover(station: &mut Station) -> anyhow::Result<Id> {
+    let found = discover_all(station, 1).await?;
+    found.first().copied().context("no vehicle was discovered")
+}
+
+/// So many vehicles, by rising id.
+pub(super) async fn discover_all(station: &mut Station, count: usize) -> anyhow::Result<Vec<Id>> {
     station.set_heartbeats(true);
-    let found = station.discover().await?;
-    let Some(vehicle) = found.first().map(|found| found.vehicle) else {
-        bail!("no vehicle was discovered")
-    };
-    Ok(vehicle)
+    let mut found = Vec::new();
+    // The answers come in one burst, of which a busy machine may lose some.
+    for _ in 0..DISCOVERIES {
+        found = station.discover().await?;
+        if found.len() >= count {
+            break;
+        }
+    }
+    if found.len() < count {
+        bail!("{} vehicles were discovered, expected {count}", found.len())
+    }
+    Ok(found.iter().map(|found| found.vehicle).collect())
 }
 
 /// LOI 4 and 5 of it.
@@ -111,5 +147,6 @@ pub(super) async fn await_waypoint(
 
 /// The demo's CUCS.
 pub(super) const CUCS: Id = Id(0x1b00_00a0);
+const DISCOVERIES: usize = 5;
 const READY_WITHIN: Duration = Duration::from_secs(15);
 pub(super) const FLIGHT_WITHIN: Duration = Duration::from_secs(60);

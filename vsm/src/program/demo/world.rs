@@ -1,10 +1,10 @@
-//! The bridge and the simulated vehicle of the demo, each on a thread of its own.
+//! The bridge on a thread of its own and the simulated vehicles of the demo on another.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::config::Config;
 use crate::session::Status;
@@ -15,6 +15,7 @@ use crate::shell::server::Server;
 use crate::shell::tasks::TaskFault;
 use anyhow::{Context as _, anyhow};
 use px4_sim::{Counters, LinkAddress, Simulator, SimulatorConfig, Truth};
+use rustix::time::{ClockId, clock_gettime};
 use stanag_msgs::Id;
 use tempfile::TempDir;
 use tokio::runtime::Runtime;
@@ -26,7 +27,8 @@ use super::story::CUCS;
 /// How a world is made.
 pub(super) struct Setup<'a> {
     pub(super) speed: f64,
-    pub(super) vehicle: px4_sim::Config,
+    /// One or more, on one link.
+    pub(super) vehicles: Vec<px4_sim::Config>,
     /// Whether the vehicle's link is signed. Without, in the demo's own world on loopback and nowhere else.
     pub(super) signed: bool,
     pub(super) stations: Stations,
@@ -62,7 +64,7 @@ impl Default for Setup<'_> {
     fn default() -> Self {
         Setup {
             speed: 1.0,
-            vehicle: px4_sim::Config::default(),
+            vehicles: vec![px4_sim::Config::default()],
             signed: true,
             stations: Stations::Address,
             radio: Radio::None,
@@ -79,15 +81,48 @@ pub(crate) struct World {
     pub(super) page: Option<SocketAddr>,
     /// The key of who flies from the page, in hex: of this demo alone.
     pub(super) pilot_key: String,
-    bridge: JoinHandle<Option<Result<Status, TaskFault>>>,
+    bridge: JoinHandle<Option<Served>>,
     stop: oneshot::Sender<()>,
     agent: Option<AgentBeside>,
     simulator: Simulator,
-    /// Runs the simulator, and carries the radio.
+    /// The rest of a fleet.
+    others: Vec<Simulator>,
+    /// Runs the simulators, and carries the radio.
     background: Runtime,
-    recording: String,
+    recording: Option<String>,
     /// Keys and state of the demo: gone with it.
     private: TempDir,
+}
+
+/// How a bridge has ended, and what it took.
+type Served = (Result<Status, TaskFault>, Spent);
+
+/// Time that passed, and time on a processor.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spent {
+    pub(super) took: Duration,
+    pub(super) cpu: Duration,
+}
+
+impl Spent {
+    /// Since then; `clock` is that of a thread, which must be the same one, or of the process.
+    pub(super) fn since((began, cpu): (Instant, Duration), clock: ClockId) -> Spent {
+        Spent {
+            took: began.elapsed(),
+            cpu: cpu_time(clock).saturating_sub(cpu),
+        }
+    }
+
+    /// Per cent of one core.
+    pub(super) fn percent(&self) -> f64 {
+        100.0 * self.cpu.as_secs_f64() / self.took.as_secs_f64().max(f64::MIN_POSITIVE)
+    }
+}
+
+/// What a clock of processor time shows now.
+pub(super) fn cpu_time(clock: ClockId) -> Duration {
+    // Neither is ever negative.
+    Duration::try_from(clock_gettime(clock)).unwrap_or_default()
 }
 
 /// What is left when all has stopped.
@@ -95,7 +130,12 @@ pub(crate) struct Remains {
     pub(crate) status: Status,
     pub(crate) counters: Counters,
     pub(crate) track: Vec<Truth>,
-    pub(crate) recording: String,
+    /// The same of the rest of a fleet.
+    pub(super) others: Vec<(Counters, Vec<Truth>)>,
+    /// The bridge's own thread: how long it ran, and its time on a processor.
+    pub(super) bridge: Spent,
+    /// None of a fleet: a file for each vehicle would be most of what the bridge does.
+    pub(crate) recording: Option<String>,
     /// Every datagram that was on the radio.
     pub(super) radio: Vec<Vec<u8>>,
 }
@@ -105,8 +145,9 @@ impl World {
         std::fs::create_dir_all(out)
             .with_context(|| format!("the folder {} cannot be made", out.display()))?;
         let private = TempDir::new().context("a folder for the demo's key and state")?;
-        let key = private.path().join("demo.key");
-        key_file::generate(&key)?;
+        for (nth, _) in setup.vehicles.iter().enumerate() {
+            key_file::generate(&private.path().join(key_name(nth)))?;
+        }
         let pilot = private.path().join("pilot.key");
         key_file::generate(&pilot)?;
         let pilot_key = std::fs::read_to_string(&pilot)?.trim().to_owned();
@@ -132,14 +173,19 @@ impl World {
         // The bridge binds first: its port is not known before, and the simulator needs it.
         let addresses = opened.recv().context("the bridge's thread has ended")??;
         let px4 = agent.as_ref().map_or(addresses.vehicle, |agent| agent.px4);
-        let mut simulation = SimulatorConfig::on(LinkAddress::UdpOut(px4));
-        simulation.key = match setup.signed {
-            true => Some(key_file::read(&key)?),
-            false => None,
-        };
-        simulation.speed = setup.speed;
-        simulation.vehicle = setup.vehicle.clone();
-        let simulator = background.block_on(Simulator::spawn(simulation))?;
+        let mut simulators = Vec::new();
+        for (nth, vehicle) in setup.vehicles.iter().enumerate() {
+            let mut simulation = SimulatorConfig::on(LinkAddress::UdpOut(px4));
+            simulation.key = match setup.signed {
+                true => Some(key_file::read(&private.path().join(key_name(nth)))?),
+                false => None,
+            };
+            simulation.speed = setup.speed;
+            simulation.vehicle = vehicle.clone();
+            simulators.push(background.block_on(Simulator::spawn(simulation))?);
+        }
+        let mut simulators = simulators.into_iter();
+        let simulator = simulators.next().context("a world without a vehicle")?;
         Ok(World {
             vsm: addresses.dli,
             page: addresses.page,
@@ -148,6 +194,7 @@ impl World {
             stop,
             agent,
             simulator,
+            others: simulators.collect(),
             background,
             recording: addresses.recording,
             private,
@@ -198,20 +245,30 @@ impl World {
 
     /// Stops both and gives what is left.
     pub(crate) fn stop(self) -> anyhow::Result<Remains> {
-        let (counters, track) = (self.simulator.counters(), self.simulator.take_track());
-        self.background.block_on(self.simulator.stop());
+        let halt = async |simulator: Simulator| {
+            let track = simulator.take_track();
+            (simulator.stop().await, track)
+        };
+        let (counters, track) = self.background.block_on(halt(self.simulator));
+        let others = self.others.into_iter();
+        let others = others.map(|simulator| self.background.block_on(halt(simulator)));
+        let others = others.collect();
+        // What they have sent is still on its way: it must not count as lost.
+        std::thread::sleep(ON_ITS_WAY);
         let radio = self.agent.map_or(Ok(Vec::new()), AgentBeside::stop)?;
         // A bridge that has already ended needs no stop.
         let _ = self.stop.send(());
-        let status = self
+        let served = self
             .bridge
             .join()
             .map_err(|_| anyhow!("the bridge's thread has panicked"))?;
-        let status = status.context("the bridge did not serve")??;
+        let (status, bridge) = served.context("the bridge did not serve")?;
         Ok(Remains {
-            status,
+            status: status?,
             counters,
             track,
+            others,
+            bridge,
             recording: self.recording,
             radio,
         })
@@ -231,17 +288,18 @@ fn configuration(
         Stations::Guard => format!("guard = {{ key_file = \"{GUARD_KEY}\" }}"),
         Stations::Web => format!("guard = {{ key_file = \"{GUARD_KEY}\" }}\nweb = true"),
     };
-    let (dli, operator) = if setup.vehicle.payloads > 0 {
+    let count = setup.vehicles.len();
+    let (mut dli, operator) = if setup.vehicles.iter().any(|vehicle| vehicle.payloads > 0) {
         // The layouts of the payload messages are derived from Edition 2.
-        ("provisional = \"all\"", OPERATOR_TABLE)
+        ("provisional = \"all\"".to_owned(), OPERATOR_TABLE)
     } else {
-        ("", "")
+        (String::new(), "")
     };
-    let signing = match (setup.signed, agent) {
-        (false, _) => r#""off""#,
-        (true, None) => r#"{ key_file = "demo.key" }"#,
-        (true, Some(_)) => r#"{ key_file = "demo.key", exchange = "on" }"#,
-    };
+    if count > 1 {
+        // One CUCS receives the reports of all of them: eight messages a second each, and what is pushed on change.
+        let (bytes_s, messages_s) = (65_536.max(3_000 * count), 1_000.max(24 * count));
+        dli += &format!("max_bytes_s = {bytes_s}\nmax_messages_s = {messages_s}");
+    }
     let link = match agent {
         None => "link = \"udpin:127.0.0.1:0\"".to_owned(),
         Some(agent) => format!(
@@ -249,14 +307,41 @@ fn configuration(
             agent.wire.near, agent.encrypt
         ),
     };
-    let text = CONFIG
-        .replace("DLI", dli)
+    let mut text = CONFIG
+        .replace("DLI", &dli)
         .replace("OPERATOR", operator)
-        .replace("OUT", &toml_text(&out)?)
-        .replace("SIGNING", signing)
-        .replace("LINK", &link)
         .replace("ADDRESS", &stations);
+    for (nth, vehicle) in setup.vehicles.iter().enumerate() {
+        let key = key_name(nth);
+        let signing = match (setup.signed, agent) {
+            (false, _) => r#""off""#.to_owned(),
+            (true, None) => format!("{{ key_file = \"{key}\" }}"),
+            (true, Some(_)) => format!("{{ key_file = \"{key}\", exchange = \"on\" }}"),
+        };
+        text += &VEHICLE
+            .replace("VEHICLE_ID", &vehicle_id(nth).to_string())
+            .replace("SYSTEM_ID", &vehicle.system_id.to_string())
+            .replace("TAIL", &format!("DEMO-{:02}", nth + 1))
+            .replace("SIGNING", &signing)
+            .replace("LINK", &link);
+    }
+    if count == 1 {
+        text += &RECORD.replace("OUT", &toml_text(&out)?);
+    }
     Ok(text + setup.more)
+}
+
+/// The key file of a vehicle, by its place in the fleet.
+fn key_name(nth: usize) -> String {
+    match nth {
+        0 => "demo.key".to_owned(),
+        nth => format!("demo-{}.key", nth + 1),
+    }
+}
+
+/// The id of a vehicle, by its place in the fleet: 1b:00:01:01 and up.
+pub(super) fn vehicle_id(nth: usize) -> Id {
+    Id(FIRST_VEHICLE + nth as u32)
 }
 
 /// Degrees north and east of a place near where the simulator stands.
@@ -279,7 +364,7 @@ struct Addresses {
     dli: SocketAddr,
     page: Option<SocketAddr>,
     vehicle: SocketAddr,
-    recording: String,
+    recording: Option<String>,
 }
 
 type AddressSender = mpsc::Sender<anyhow::Result<Addresses>>;
@@ -288,7 +373,7 @@ fn serve(
     config: &Config,
     sender: &AddressSender,
     stopped: oneshot::Receiver<()>,
-) -> Option<Result<Status, TaskFault>> {
+) -> Option<Served> {
     let runtime = match tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -310,13 +395,14 @@ fn serve(
                 return None;
             }
         };
+        let begun = (Instant::now(), cpu_time(ClockId::ThreadCPUTime));
         let status = server
             .serve(async {
                 // A closed channel means stop too.
                 let _ = stopped.await;
             })
             .await;
-        Some(status)
+        Some((status, Spent::since(begun, ClockId::ThreadCPUTime)))
     })
 }
 
@@ -328,11 +414,7 @@ fn open(config: &Config) -> anyhow::Result<(Server, Addresses)> {
         vehicle: server
             .vehicle_address(0)
             .context("the vehicle's link has no address")?,
-        recording: server
-            .recording(0)
-            .context("no recording")?
-            .display()
-            .to_string(),
+        recording: server.recording(0).map(|path| path.display().to_string()),
     };
     Ok((server, addresses))
 }
@@ -368,14 +450,22 @@ id = "1b:00:00:a0"
 loi = [2, 3, 4, 5]
 ADDRESS
 OPERATOR
-[[vehicle]]
-id = "1b:00:01:01"
-LINK
-system_id = 1
-tail_number = "DEMO-01"
-signing = SIGNING
 [store]
 dir = "state"
+"#;
+const VEHICLE: &str = r#"
+[[vehicle]]
+id = "VEHICLE_ID"
+LINK
+system_id = SYSTEM_ID
+tail_number = "TAIL"
+signing = SIGNING
+"#;
+const RECORD: &str = r#"
 [record]
 dir = "OUT"
 "#;
+/// Of the first vehicle.
+const FIRST_VEHICLE: u32 = 0x1b00_0101;
+/// From a vehicle's socket to the bridge's counters, also on a busy machine.
+const ON_ITS_WAY: Duration = Duration::from_millis(100);
