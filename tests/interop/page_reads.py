@@ -287,7 +287,18 @@ def with_a_thousand_vehicles(checks, browser, url):
     shows_the_vehicle(opened)
     body = page.evaluate("fetch('status.json').then((answer) => answer.json())")
     one, shape = body["vehicles"][0], page.evaluate("fetch('map.json').then((answer) => answer.json())")[0]
-    named = [{"id": f"1b:00:{n // 256:02x}:{n % 256:02x}", "tail_number": f"UAV-{n:04}"} for n in range(VEHICLES)]
+    link = one["link"] | {"signed": True, "arrives": "verified"}
+    # Each tenth is lost, each fourth in the air, one is not signed.
+    named = [
+        {
+            "id": f"1b:00:{n // 256:02x}:{n % 256:02x}",
+            "tail_number": f"UAV-{n:04}",
+            "live": n % 10 != 0,
+            "on_ground": n % 4 != 1,
+            "link": link | {"signed": n != 5},
+        }
+        for n in range(VEHICLES)
+    ]
     turn = [0]
 
     def status(route):
@@ -299,17 +310,41 @@ def with_a_thousand_vehicles(checks, browser, url):
     def shapes(route):
         route.fulfill(json=[shape | {"id": name["id"]} for name in named])
 
+    def offered():
+        return page.evaluate("[...document.querySelectorAll('#choice option')].map((one) => one.textContent)")
+
     page.route("**/status.json*", status)
     page.route("**/map.json*", shapes)
-    opened.until(f"document.querySelectorAll('#choice option').length === {VEHICLES}")
+    opened.until("document.querySelectorAll('#choice option').length > 100")
+    texts = offered()
+    checks.check("the list is short, and says how many more there are", len(texts) <= 202 and "more: choose by name or state" in texts[-1], texts[-2:])
+    groups = page.evaluate("[...document.querySelectorAll('#group option')].map((one) => one.textContent)")
+    expected = ["all (1000)", "linked (900)", "no data (100)", "in the air (250)", "not signed (1)"]
+    checks.check("each group has its number", groups == expected, groups)
+    page.evaluate("""window.drawn = 0;
+        const watch = new MutationObserver((all) => { window.drawn += all.length; });
+        for (const id of ["choice", "group"])
+            watch.observe(document.getElementById(id), { childList: true, subtree: true, characterData: true });""")
+    before = turn[0]
     took = []
     for _ in range(60):
         took.append(opened.click_ms("summary"))
         page.wait_for_timeout(100)
-    checks.say(f"slowest click {max(took):.0f} ms")
+    checks.say(f"slowest click {max(took):.0f} ms, {turn[0] - before} ticks")
     checks.check(f"a click is answered within {ANSWER_WITHIN_MS} ms", max(took) < ANSWER_WITHIN_MS, max(took))
+    drawn = page.evaluate("window.drawn")
+    checks.check("a tick in which no vehicle is another draws no list", turn[0] > before and drawn == 0, drawn)
+    page.locator("#group").select_option("lost")
+    opened.until("[...document.querySelectorAll('#choice option')].filter((one) => one.textContent.endsWith('0 (' + one.value + ')')).length === 100")
+    shown = page.locator("#choice").input_value()
+    lost = [text for text in offered() if shown not in text]
+    checks.check("a group has its own and none else but the one that is shown", len(lost) in (99, 100) and all(text[7] == "0" for text in lost), lost[:3])
+    page.locator("#filter").fill("077")
+    opened.until("document.querySelectorAll('#choice option').length <= 2")
+    checks.check("name and group together", any("UAV-0770" in text for text in offered()), offered())
+    page.locator("#group").select_option("all")
     page.locator("#filter").fill("0777")
-    opened.until("document.querySelectorAll('#choice option').length === 2")
+    opened.until("[...document.querySelectorAll('#choice option')].some((one) => one.textContent.includes('UAV-0777'))")
     page.locator("#choice").select_option(label="UAV-0777 (1b:00:03:09)")
     opened.until("document.getElementById('vehicle-title').textContent.includes('UAV-0777')")
     checks.check("one of them is found by its name, and drawn whole", page.locator(".aircraft").count() == 1)

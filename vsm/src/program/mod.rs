@@ -25,6 +25,7 @@ mod reload;
 mod replay;
 mod run;
 mod status;
+mod status_vehicles;
 mod zeroize;
 
 use std::path::PathBuf;
@@ -77,13 +78,16 @@ enum Command {
         #[arg(long, default_value_t = 30)]
         wait_s: u64,
     },
-    /// Show the state of a running bridge
+    /// Show the state of a running bridge; of twelve vehicles and more a line each, and how many are in which state
     Status {
         #[command(flatten)]
         config: ConfigArg,
         /// Print JSON
         #[arg(long)]
         json: bool,
+        /// Show the vehicles of which this is a part of the id or tail number, such as 01:2a, or with * for any text the whole, such as 'UAV-1*'
+        #[arg(long, value_name = "PATTERN")]
+        vehicle: Option<status_vehicles::Pattern>,
     },
     /// Find out what does not work: one line of cause and cure each, of the running bridge, else of this computer
     Doctor {
@@ -198,7 +202,11 @@ pub fn main() -> ExitCode {
             json,
             wait_s,
         } => check_vehicle::run(config.path(), json, wait_s),
-        Command::Status { config, json } => status::show(config.path(), json),
+        Command::Status {
+            config,
+            json,
+            vehicle,
+        } => status::show(config.path(), json, vehicle.as_ref()),
         Command::Files(arguments) => files::run(&arguments),
         #[cfg(feature = "etcd")]
         Command::Fleet(arguments) => fleet::run(&arguments),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use crate::config::Config;
 use crate::shell::guard_agreed::AgreedFiles;
@@ -13,10 +13,23 @@ use serde_json::{Value, json};
 use stanag_msgs::enums::LoiBitmap;
 
 use super::process::{Failure, bad, failed, print, waiting};
+use super::status_vehicles::{self as vehicles, Pattern, list};
+pub(super) use super::status_vehicles::{counts, encryption, plain};
 
-pub(crate) fn show(path: &Path, json: bool) -> Result<(), Failure> {
+/// `only`: of which vehicles; all where there is none.
+pub(crate) fn show(path: &Path, json: bool, only: Option<&Pattern>) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
-    report("vsm", &config.store.dir, json, readable)
+    let Some(only) = only else {
+        return report("vsm", &config.store.dir, json, |status| {
+            readable(status, vehicles::are_many(status))
+        });
+    };
+    let mut status = parsed("vsm", &asked("vsm", &config.store.dir)?)?;
+    vehicles::narrow(&mut status, only).map_err(failed)?;
+    if json {
+        return print(&format!("{status}\n"));
+    }
+    print(&readable(&status, false))
 }
 
 /// Prints what the program that runs on a store reports of its state.
@@ -26,18 +39,23 @@ pub(super) fn report(
     json: bool,
     readable: impl Fn(&Value) -> String,
 ) -> Result<(), Failure> {
-    let asked = {
-        let _waiting = waiting(&format!("the answer of the {who}"), ANSWER_WITHIN);
-        status_socket::ask(store, status_socket::STATUS, ANSWER_WITHIN)
-    };
-    let text = asked.map_err(|cause| failed(no_answer(who, store, cause)))?;
+    let text = asked(who, store)?;
     if json {
         return print(&(text + "\n"));
     }
-    let status = serde_json::from_str(&text)
+    print(&readable(&parsed(who, &text)?))
+}
+
+fn asked(who: &str, store: &Path) -> Result<String, Failure> {
+    let _waiting = waiting(&format!("the answer of the {who}"), ANSWER_WITHIN);
+    let answer = status_socket::ask(store, status_socket::STATUS, ANSWER_WITHIN);
+    answer.map_err(|cause| failed(no_answer(who, store, cause)))
+}
+
+fn parsed(who: &str, text: &str) -> Result<Value, Failure> {
+    serde_json::from_str(text)
         .with_context(|| format!("the running {who} answers with something else"))
-        .map_err(failed)?;
-    print(&readable(&status))
+        .map_err(failed)
 }
 
 const ANSWER_WITHIN: Duration = Duration::from_secs(3);
@@ -62,12 +80,16 @@ pub(super) fn no_answer(who: &str, store: &Path, cause: io::Error) -> anyhow::Er
     anyhow::Error::new(cause).context(text)
 }
 
-fn readable(status: &Value) -> String {
+/// `many`: a line of each vehicle; otherwise everything.
+fn readable(status: &Value, many: bool) -> String {
     let mut text = format!(
         "VSM {}, up {:.0} s\n",
         plain(&status["vsm"]),
         status["uptime_s"].as_f64().unwrap_or(0.0)
     );
+    if many {
+        text += &vehicles::summary(status);
+    }
     for warning in list(&status["warnings"]) {
         text += &format!("WARNING: {}\n", plain(warning));
     }
@@ -89,75 +111,12 @@ fn readable(status: &Value) -> String {
         text += &web(&station["web"]);
         text += &guard(&station["guard"]);
     }
-    text += &rights(status);
-    for vehicle in list(&status["vehicles"]) {
-        let live = if vehicle["live"] == true {
-            "live"
-        } else {
-            "SILENT"
-        };
-        text += &format!("vehicle {} {live}", plain(&vehicle["id"]));
-        text += &format!(", mode {}", vehicle["mode"].as_str().unwrap_or("unknown"));
-        text += &format!(
-            ", controlled by {}\n",
-            vehicle["controller"].as_str().unwrap_or("nobody")
-        );
-        match vehicle["operator_control"].as_u64() {
-            None => {}
-            Some(0) => text += "  operator control of MAVLink: nobody\n",
-            Some(system) => text += &format!("  operator control of MAVLink: system {system}\n"),
-        }
-        for holder in list(&vehicle["holders"]) {
-            text += &holding(holder);
-        }
-        for handover in list(&vehicle["handovers"]) {
-            text += &format!(
-                "  pending: {} from {} to {}, waits for the {}\n",
-                plain(&handover["rights"]),
-                handover["from"].as_str().unwrap_or("nobody"),
-                plain(&handover["to"]),
-                plain(&handover["waits_for"])
-            );
-        }
-        if vehicle["altitude_band"]["outside"] == true {
-            let limit = |key| vehicle["altitude_band"][key].as_f64().unwrap_or(f64::NAN);
-            let (lowest_m, highest_m) = (limit("lowest_m"), limit("highest_m"));
-            text += &format!(
-                "  OUTSIDE ITS ALTITUDE BAND of {lowest_m:.0} to {highest_m:.0} m above home\n"
-            );
-        }
-        if let Some(count) = vehicle["rally_points"]["count"].as_u64() {
-            let aboard = match vehicle["rally_points"]["aboard"] == true {
-                true => "aboard",
-                false => "NOT ABOARD",
-            };
-            text += &format!("  rally points: {count}, {aboard}\n");
-        }
-        let link = &vehicle["link"];
-        let signed = signing(link);
-        let since = link["live_s"]
-            .as_f64()
-            .map_or(String::new(), |s| format!(" for {s:.0} s"));
-        let state = link["state"].as_str().unwrap_or("?");
-        let peer = link["peer"].as_str().unwrap_or("no data received yet");
-        let address = plain(&link["address"]);
-        text += &format!("  {address} {signed}, {state}{since}, peer {peer}\n");
-        if let Some(age) = link["unanswered_s"].as_f64().filter(|age| *age > 5.0) {
-            text += &format!(
-                "  NO VERIFIED ANSWER to a frame of ours for {age:.0} s: commands are lost\n"
-            );
-        }
-        text += &last_verified(link);
-        text += &counts("  verified and refused: ", &link["refused_though_verified"]);
-        let exchange = &link["exchange"];
-        if exchange.is_object() {
-            let peer = exchange["peer"].as_str().unwrap_or("none");
-            let (mode, state) = (plain(&exchange["mode"]), plain(&exchange["state"]));
-            text += &format!("  key exchange {mode}, paired with {peer}: {state}\n");
-        }
-        text += &encryption(&link["encryption"]);
-        text += &counts("  refused in the vehicle's name: ", &link["refused"]);
-        text += &counts("  frames: ", &link["frames"]);
+    if many {
+        text += "one of the following in full, and the rights over it: vsm status --vehicle ID\n";
+        text.extend(list(&status["vehicles"]).map(vehicles::line));
+    } else {
+        text += &rights(status);
+        text.extend(list(&status["vehicles"]).map(vehicles::whole));
     }
     let names = &status["message_names"];
     text += &by_type("DLI received by type:\n", &status["received"], names);
@@ -299,93 +258,6 @@ fn guard(guard: &Value) -> String {
     format!("  guarded with key {key}, {last}{previous}\n{refused}")
 }
 
-/// Whether frames are signed: what was verified, not what is configured.
-fn signing(link: &Value) -> String {
-    let verified = link["verified_s"].as_f64();
-    match (link["signed"] == true, link["key_id"].as_str()) {
-        (false, _) => "NOT SIGNED: anyone in range can command it".to_owned(),
-        (true, None) => "signed, which key is being found out".to_owned(),
-        (true, Some(id)) if verified.is_some_and(|age| age <= VERIFIED_FOR_S) => {
-            format!("signed with key {id}")
-        }
-        (true, Some(id)) => match link["arrives"].as_str() {
-            None if verified.is_none() => format!("key {id}, no frame received yet"),
-            _ => format!("key {id}, NOT VERIFIED"),
-        },
-    }
-}
-
-/// When a frame last verified and under which key, and what arrives now where none does.
-fn last_verified(link: &Value) -> String {
-    if link["signed"] != true {
-        return String::new();
-    }
-    let key = link["verified_key_id"].as_str().unwrap_or("?");
-    let verified = link["verified_s"].as_f64();
-    let last = match verified {
-        Some(age) => format!("last verified frame {age:.1} s ago under key {key}"),
-        None => "no frame has verified yet".to_owned(),
-    };
-    let arrives = match (verified, link["arrives"].as_str()) {
-        (Some(age), _) if age <= VERIFIED_FOR_S => String::new(),
-        (_, arrives) => format!("; what arrives: {}", arrives.unwrap_or("nothing")),
-    };
-    format!("  {last}{arrives}\n")
-}
-
-/// A heartbeat comes each second; some are lost.
-const VERIFIED_FOR_S: f64 = 3.5;
-
-/// `  1b:00:00:a0 holds LOI 2, 4, 5 (monitor, control, launch), for 12 s`: what, and since when.
-fn holding(holder: &Value) -> String {
-    let levels = plain(&holder["levels"]);
-    let stations = holder["stations"].as_array().map_or(&[][..], Vec::as_slice);
-    let stations = match stations {
-        [] => String::new(),
-        all if all.len() == 32 => " of every station".to_owned(),
-        some => {
-            let some: Vec<String> = some.iter().map(Value::to_string).collect();
-            format!(" of station {}", some.join(", "))
-        }
-    };
-    let now = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default();
-    let since = holder["since_ms"].as_u64().map(Duration::from_millis);
-    let since = since.map_or(String::new(), |since| {
-        format!(", for {} s", now.saturating_sub(since).as_secs())
-    });
-    let id = plain(&holder["id"]);
-    format!("  {id} holds LOI {levels}{stations}{since}\n")
-}
-
-/// How an encrypted link stands, where there is one.
-pub(super) fn encryption(of: &Value) -> String {
-    if !of.is_object() {
-        return String::new();
-    }
-    let epoch = of["epoch"].as_u64();
-    let epoch = epoch.map_or(String::new(), |epoch| format!(", epoch {epoch}"));
-    let state = plain(&of["state"]);
-    format!("  encrypted link: {state}{epoch}\n") + &counts("    packets: ", &of["packets"])
-}
-
-pub(super) fn counts(title: &str, counts: &Value) -> String {
-    let counts = counts
-        .as_object()
-        .into_iter()
-        .flatten()
-        .filter(|(_, count)| **count != 0);
-    let counts: Vec<String> = counts
-        .map(|(name, count)| format!("{name} {count}"))
-        .collect();
-    if counts.is_empty() {
-        String::new()
-    } else {
-        format!("{title}{}\n", counts.join(", "))
-    }
-}
-
 /// A line a Message Type, with its name.
 fn by_type(title: &str, counts: &Value, names: &Value) -> String {
     let counts = counts.as_object().into_iter().flatten();
@@ -399,12 +271,4 @@ fn by_type(title: &str, counts: &Value, names: &Value) -> String {
     } else {
         format!("{title}{lines}")
     }
-}
-
-fn list(value: &Value) -> impl Iterator<Item = &Value> {
-    value.as_array().into_iter().flatten()
-}
-
-pub(super) fn plain(value: &Value) -> &str {
-    value.as_str().unwrap_or("?")
 }

@@ -515,6 +515,8 @@ const GROUND: &[&[(&str, Ends)]] = &[
         ("run", Refused("in use by another vsm")),
         ("status", Done),
         ("status --json", Done),
+        ("status --vehicle 1b:*", Done),
+        ("status --vehicle nowhere", Refused("no vehicle has")),
         ("guard status", Done),
         ("guard status --json", Done),
         // It answers on standard output, and then that it was not done.

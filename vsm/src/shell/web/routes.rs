@@ -264,6 +264,7 @@ const ASSETS: &[(&str, &str, &[u8])] = assets! {
     "confirm.js" "text/javascript",
     "control.js" "text/javascript",
     "drawing.js" "text/javascript",
+    "list.js" "text/javascript",
     "map.js" "text/javascript",
     "next.js" "text/javascript",
     "panel.js" "text/javascript",

@@ -1,6 +1,7 @@
 // Asks the bridge how everything stands, twice a second, and shows it; of a recording, how it stood at the moment of its time line.
 
 import { Control } from "./control.js";
+import { VehicleList } from "./list.js";
 import { VehiclesMap } from "./map.js";
 import { addEvents, drawBridge, drawEvents, drawVehicle } from "./panel.js";
 import { drawProfile } from "./profile.js";
@@ -14,11 +15,9 @@ const REPLAY_EVERY_MS = 200;
 const WITHIN_MS = 3000;
 // Of a recording of hours they are long.
 const TRACKS_WITHIN_MS = 30_000;
-const FILTERED_FROM = 12;
 
 const map = new VehiclesMap(document.getElementById("map"));
-const choice = document.getElementById("choice");
-const filter = document.getElementById("filter");
+const list = new VehicleList(() => { drawShapes(); draw(); });
 const units = document.getElementById("units");
 const connection = document.getElementById("connection");
 
@@ -40,21 +39,7 @@ async function read(path, withinMs = WITHIN_MS) {
   return answer;
 }
 
-const chosen = () => status?.vehicles.find((one) => one.id === choice.value) ?? status?.vehicles[0];
-
-/** With many vehicles those whose name or id has the text of the filter; the one that is shown stays. */
-function offerVehicles(vehicles) {
-  filter.parentElement.hidden = vehicles.length < FILTERED_FROM;
-  const wanted = filter.value.trim().toLowerCase();
-  const named = vehicles.map((one) => [one.id, one.tail_number ? `${one.tail_number} (${one.id})` : one.id]);
-  const before = choice.value;
-  const offered = named.filter(([id, text]) => id === before || text.toLowerCase().includes(wanted));
-  const texts = offered.map(([, text]) => text).join();
-  if (choice.dataset.offered === texts) return;
-  choice.dataset.offered = texts;
-  choice.replaceChildren(...offered.map(([id, text]) => new Option(text, id)));
-  if (offered.some(([id]) => id === before)) choice.value = before;
-}
+const chosen = () => list.chosen;
 
 function draw() {
   const vehicle = chosen();
@@ -119,7 +104,7 @@ async function show() {
   status = await (await read(`status.json${of}`)).json();
   // A bridge that was restarted numbers its events from 0; of a recording it is an earlier moment, at which those that are shown were not yet.
   if (status.uptime_s < uptime) nextEvent = 0;
-  offerVehicles(status.vehicles);
+  list.draw(status.vehicles, timeLine !== null);
   if (Date.now() - shapesAt >= MAP_EVERY_MS) {
     shapesAt = Date.now();
     const text = await (await read(`map.json${of}`)).text();
@@ -171,7 +156,5 @@ units.addEventListener("change", () => {
   for (const [field, m] of typed) field.value = m === null ? "" : inAltitude(m);
   draw();
 });
-choice.addEventListener("change", () => { drawShapes(); draw(); });
-filter.addEventListener("input", () => { if (status) offerVehicles(status.vehicles); });
 document.getElementById("only-refused").addEventListener("change", drawEvents);
 refresh();
