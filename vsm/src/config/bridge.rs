@@ -10,6 +10,7 @@ use stanag_msgs::enums::LoiBitmap;
 use toml::Spanned;
 
 use super::access::Access;
+use super::counted;
 use super::disputed::Readings;
 use super::error::{ConfigError, Fault, fault};
 use super::explain;
@@ -371,9 +372,9 @@ impl Config {
     pub fn parse(text: &str, folder: &Path) -> Result<Config, ConfigError> {
         let mut config: Config =
             toml::from_str(text).map_err(|cause| explain::explain(&cause, text, Config::KEYS))?;
-        config
-            .check()
-            .map_err(|fault| fault.located(text, Config::KEYS))?;
+        let located = |fault: Fault| fault.located(text, Config::KEYS);
+        config.vehicle = counted::expand(config.vehicle).map_err(located)?;
+        config.check().map_err(located)?;
         config.resolve(folder);
         Ok(config)
     }

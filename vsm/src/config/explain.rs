@@ -328,6 +328,7 @@ const EXAMPLES: &[(&str, &str)] = &[
     ("vehicle.logical_id", "\"00:00:00:01\""),
     ("vehicle.link", "\"udpin:127.0.0.1:14550\""),
     ("vehicle.system_id", "1"),
+    ("vehicle.count", "1"),
     ("vehicle.tail_number", "\"PX4-01\""),
     ("vehicle.signing", "{ key_file = \"uav1.key\" }"),
     ("vehicle.signing.key_file", "\"uav1.key\""),

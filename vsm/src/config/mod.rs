@@ -6,7 +6,7 @@
 //! In this order: `key` declares a table once for parser and reference; `value` parses what is more than text or a number;
 //! `disputed`, `station`, `vehicle` and `bridge` are the tables of `vsm.toml` from the inside out, with the checks of
 //! ranges and of relations between keys. `forward` holds other ground stations, `payload` payload stations, `rally` places
-//! to return to, `controls` the parameters that a CUCS may set, `terrain` the elevation files, `termination` the action of
+//! to return to, `counted` the vehicles of a table with `count`, `controls` the parameters that a CUCS may set, `terrain` the elevation files, `termination` the action of
 //! a commanded flight termination, `zeroize` what a zeroize erases, `access` the name of the access list, `web` the
 //! stations of the page. `explain` explains errors; `changes` decides what a reload changes; [`airside`] is `airside.toml`,
 //! and `agent_contingency` a table of it; [`reference`](mod@reference) writes `docs/reference/configuration.md`.
@@ -33,6 +33,7 @@ mod bridge;
 mod changes;
 mod contingency;
 mod controls;
+mod counted;
 mod disputed;
 mod error;
 mod explain;

@@ -32,6 +32,9 @@ table! {
         pub link: LinkAddress => Required,
         /// MAVLink system id of the vehicle, 1 to 255
         pub system_id: u8 => Required,
+        /// So many vehicles of this table, 1 to 255, on one link: `id`, `logical_id` and `system_id` are counted up from the ones given
+        /// here, and `{n}` in `tail_number` and `signing.key_file` stands for the number of each, from 1
+        pub count: Option<u8> => Nothing("one vehicle"),
         /// Tail number for message 3, at most 15 characters
         #[serde(default)]
         pub tail_number: String => Value("\"\""),

@@ -18,6 +18,7 @@ mod every_subcommand;
 mod files;
 mod init;
 mod logging;
+mod many_vehicles;
 mod multicast;
 mod reload;
 mod reload_on_a_slow_disk;
