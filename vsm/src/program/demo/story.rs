@@ -19,12 +19,17 @@ pub(super) struct Story {
 }
 
 impl Story {
-    pub(super) fn begin(speed: f64) -> Story {
-        let story = Story {
+    pub(super) fn new(speed: f64) -> Story {
+        Story {
             started: Instant::now(),
             speed,
             unfinished: Cell::new(false),
-        };
+        }
+    }
+
+    /// A story whose first line states what is simulated.
+    pub(super) fn begin(speed: f64) -> Story {
+        let story = Story::new(speed);
         story.tell(format!(
             "simulated PX4, at {speed} times real time; signing clocks stay real"
         ));

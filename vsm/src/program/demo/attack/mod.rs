@@ -134,10 +134,7 @@ struct Flown {
 fn show(out: &Path, speed: f64) -> anyhow::Result<()> {
     std::fs::create_dir_all(out)
         .with_context(|| format!("the folder {} cannot be made", out.display()))?;
-    let story = Story {
-        started: Instant::now(),
-        speed,
-    };
+    let story = Story::new(speed);
     story.tell(format!(
         "a simulated PX4 hovers at {HOVER_M:.0} m, {speed} times faster than time; all of it on loopback"
     ));
