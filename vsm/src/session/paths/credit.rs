@@ -174,7 +174,7 @@ impl Station {
         (Kind::of_answer(datagram) == Kind::Acknowledgement).then(|| self.bytes_of(datagram))
     }
 
-    fn bytes_of(&self, datagram: &Datagram) -> usize {
+    pub(super) fn bytes_of(&self, datagram: &Datagram) -> usize {
         let bytes = datagram.bytes();
         if self.ed25 && !ed25::is_ed25(bytes) {
             // The largest growth of any message; `settle` corrects it.
@@ -262,7 +262,7 @@ impl Station {
         let behind_others = behind_others && (asked || kind != Kind::Acknowledgement);
         if behind_others
             || current.credit < bytes + kept
-            || !unproven.take(now, current.address.ip(), kind)
+            || !unproven.take(now, current.address, kind)
         {
             return match kind {
                 Kind::Report(_) => Verdict::Drop("unproven address"),

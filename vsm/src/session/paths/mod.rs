@@ -369,9 +369,13 @@ impl Paths {
     /// When a station needs [`Paths::handle_timeout`], [`Paths::due_to_ask`] or [`Paths::next_waiting`] next.
     pub(crate) fn poll_timeout(&self, now: Duration) -> Option<Duration> {
         let each = self.stations.iter().flat_map(|station| {
-            let proven = (station.current.as_ref())
-                .is_some_and(|path| path.trusted || path.proven.is_some());
-            let waits = proven && !station.waiting.is_empty();
+            // Credit alone does not send an answer to an unproven address: it may wait for the rate that all of them share.
+            let next = (station.waiting.front()).map(|(_, datagram)| station.bytes_of(datagram));
+            let may_send = |path: &Path, bytes: usize| {
+                path.trusted || path.proven.is_some() || path.credit >= bytes
+            };
+            let waits = (station.current.as_ref().zip(next))
+                .is_some_and(|(path, bytes)| may_send(path, bytes));
             let flush = waits.then(|| now + FLUSH_EVERY);
             [
                 station.asks_at(&self.limits, now),

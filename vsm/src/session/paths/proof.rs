@@ -50,17 +50,23 @@ impl Paths {
                 if path.proven.is_none() && !path.trusted {
                     // With its first right answer an address has shown that it exists.
                     let exists = again || path.rounds > 0;
-                    if !exists && !(self.unproven).take(now.mono, address.ip(), Kind::Answer) {
+                    if !exists && !self.unproven.has_room(now.mono, address, Kind::Answer) {
                         path.ask_at = now.mono + FIRST_PAUSE / 4;
                         return None;
                     }
                     let left = path.credit.checked_sub(question)?;
                     // A challenge may take the place of the answer for a moment. A CUCS that never acknowledges would
-                    // receive nothing else.
+                    // receive nothing else. An answer that has to wait for the shared rate takes no place: neither would
+                    // be sent, and the timer would be due again at once.
+                    let kind = Kind::Acknowledgement;
                     if !again
                         && answer.is_some_and(|bytes| (left + 1..=path.credit).contains(&bytes))
+                        && self.unproven.has_room(now.mono, address, kind)
                     {
                         return None;
+                    }
+                    if !exists {
+                        self.unproven.take(now.mono, address, Kind::Answer);
                     }
                     path.credit = left;
                 }
@@ -72,7 +78,7 @@ impl Paths {
             }
             // The table is full: challenge it without remembering it. This cannot amplify, since its message was longer
             // than a challenge.
-            None if (self.unproven).take(now.mono, address.ip(), Kind::Answer) => 0,
+            None if self.unproven.take(now.mono, address, Kind::Answer) => 0,
             None => return None,
         };
         let slot = slot(now.wall).saturating_sub(1);

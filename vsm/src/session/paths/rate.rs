@@ -16,6 +16,8 @@ pub(crate) struct Limits {
     pub(crate) bytes_s: u32,
     /// Messages a second to one station.
     pub(crate) messages_s: u32,
+    /// How much of the rate may be used at once.
+    pub(crate) burst: Duration,
 }
 
 impl Limits {
@@ -25,6 +27,7 @@ impl Limits {
             lease: Duration::from_secs_f64(dli.lease_s),
             bytes_s: dli.max_bytes_s,
             messages_s: dli.max_messages_s,
+            burst: BURST,
         }
     }
 }
@@ -35,6 +38,7 @@ impl Default for Limits {
             lease: Duration::from_secs(60),
             bytes_s: 65_536,
             messages_s: 1_000,
+            burst: BURST,
         }
     }
 }
@@ -76,12 +80,7 @@ impl Rate {
         kind: Kind,
         limits: &Limits,
     ) -> bool {
-        let burst = match kind {
-            Kind::Report(_) => BURST / 2,
-            _ => BURST,
-        };
-        let paid = |at: Duration| at.saturating_sub(now) <= burst;
-        if !paid(self.bytes) || !paid(self.messages) {
+        if !self.has_room(now, kind, limits) {
             return false;
         }
         let nanos = |count: u64, a_second: u32| {
@@ -92,6 +91,16 @@ impl Rate {
         true
     }
 
+    /// Whether [`Rate::take`] would allow it.
+    pub(super) fn has_room(&self, now: Duration, kind: Kind, limits: &Limits) -> bool {
+        let burst = match kind {
+            Kind::Report(_) => limits.burst / 2,
+            _ => limits.burst,
+        };
+        let paid = |at: Duration| at.saturating_sub(now) <= burst;
+        paid(self.bytes) && paid(self.messages)
+    }
+
     /// Corrects a charge: the datagram that was charged as `taken` bytes has `bytes`.
     pub(super) fn settle(&mut self, taken: usize, bytes: usize, limits: &Limits) {
         let a_second = u64::from(limits.bytes_s.max(1));
@@ -100,5 +109,5 @@ impl Rate {
     }
 }
 
-/// The burst, in seconds of the rate.
+/// The burst of a station's rate.
 const BURST: Duration = Duration::from_secs(4);

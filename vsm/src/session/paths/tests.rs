@@ -4,8 +4,10 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use mavlink_link::Now;
+use stanag_msgs::Id;
 
 use super::*;
+use crate::session::outbox::Destination;
 
 const FROM: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 40_000);
 
@@ -72,21 +74,26 @@ fn a_question_of_edition_25_is_asked_again_for_a_long_message_and_for_the_next_s
 
 /// Forged addresses in a station's name, and the station itself: how many datagrams go to them in three seconds, and when the
 /// station has proved its own address.
-fn beside_forgeries(addresses: u8, a_second: u32) -> (usize, Option<Duration>) {
+fn beside_forgeries(
+    forged: impl Fn(u32) -> SocketAddr,
+    a_second: u32,
+) -> (usize, Option<Duration>) {
     let mut paths = Paths::new(Limits::default(), [None].into_iter());
-    let own = SocketAddr::from(([10, 9, 1, 1], 40_000));
+    let own = OWN;
     let mut now = Now {
         mono: Duration::from_secs(100),
         wall: Duration::from_secs(1_795_219_200),
     };
-    let (begun, mut sent, mut most) = (now.mono, VecDeque::new(), 0);
+    let begins = now.mono + Duration::from_secs(LATER_S.into());
+    let (mut sent, mut most) = (VecDeque::new(), 0);
     for number in 0..60 * a_second {
-        let host = (number % u32::from(addresses)) as u8;
-        let forged = SocketAddr::from(([10, 9, 0, host], 5_000 + (number % 8) as u16));
-        // The station sends five times a second.
+        let forged = forged(number);
+        // The station sends about five times a second, out of step, once nothing is left of the bursts.
         let arrived = [
             Some(forged),
-            number.is_multiple_of(a_second / 5).then_some(own),
+            (number >= LATER_S * a_second
+                && number.wrapping_mul(0x9e37_79b1) < u32::MAX / (a_second / 5))
+                .then_some(own),
         ];
         for from in arrived.into_iter().flatten() {
             paths.arrived(now.mono, 0, from, 40, || false);
@@ -97,7 +104,7 @@ fn beside_forgeries(addresses: u8, a_second: u32) -> (usize, Option<Duration>) {
                 && let Some(stamp) = question
             {
                 question = match paths.answered(now, 0, own, stamp) {
-                    Proof::Proven { .. } => return (most, Some(now.mono - begun)),
+                    Proof::Proven { .. } => return (most, now.mono.checked_sub(begins)),
                     Proof::Round => paths.ask(now, 0, own, true),
                     Proof::None => None,
                 };
@@ -122,12 +129,76 @@ fn beside_forgeries(addresses: u8, a_second: u32) -> (usize, Option<Duration>) {
 #[test]
 fn absent_addresses_do_not_fill_the_socket_nor_keep_their_station_out() {
     for addresses in [1, 40, 250] {
-        let (most, proven) = beside_forgeries(addresses, 3_000);
+        let forged = |number: u32| {
+            let host = (number % addresses) as u8;
+            SocketAddr::from(([10, 9, 0, host], 5_000 + (number % 8) as u16))
+        };
+        let (most, proven) = beside_forgeries(forged, 3_000);
         assert!(most < 500, "{most} datagrams to {addresses} addresses");
         let proven = proven.expect("the station proves its address");
-        assert!(proven < Duration::from_secs(20), "{proven:?}");
+        assert!(proven < Duration::from_secs(40), "{proven:?}");
     }
 }
+
+#[test]
+fn other_ports_of_its_own_computer_do_not_keep_a_station_out() {
+    let forged = |number: u32| SocketAddr::new(OWN.ip(), 10_000 + (number * 7 % 25_000) as u16);
+    let (_, proven) = beside_forgeries(forged, 3_000);
+    let proven = proven.expect("the station proves its address");
+    assert!(proven < Duration::from_secs(40), "{proven:?}");
+}
+
+#[test]
+fn a_station_that_steers_and_acknowledges_nothing_keeps_its_answers_and_the_position() {
+    let mut paths = Paths::new(Limits::default(), [None].into_iter());
+    let mut now = Now {
+        mono: Duration::from_secs(100),
+        wall: Duration::from_secs(1_795_219_200),
+    };
+    let (mut answers, mut reports) = (0, 0);
+    for _ in 0..200 {
+        paths.arrived(now.mono, 0, OWN, 90, || false);
+        paths.ask(now, 0, OWN, false);
+        let mut sends = |bytes, kind| paths.admit(now.mono, 0, bytes, kind) == Verdict::Send;
+        answers += (0..2).filter(|_| sends(34, Kind::Acknowledgement)).count();
+        let each = [4000, 3001, 3002, 4001, 16002].into_iter();
+        reports += each.filter(|one| sends(60, Kind::Report(*one))).count();
+        let step = Duration::from_millis(100);
+        (now.mono, now.wall) = (now.mono + step, now.wall + step);
+    }
+    assert_eq!(answers, 400);
+    assert!(reports > 100, "{reports} in 20 s");
+}
+
+#[test]
+fn an_answer_that_waits_for_the_shared_rate_is_sent_without_another_message() {
+    let mut paths = Paths::new(Limits::default(), [None].into_iter());
+    let mut now = Now {
+        mono: Duration::from_secs(100),
+        wall: Duration::from_secs(1_795_219_200),
+    };
+    let begun = now.mono;
+    paths.arrived(now.mono, 0, OWN, 30_000, || false);
+    paths.ask(now, 0, OWN, false);
+    while paths.admit(now.mono, 0, 34, Kind::Answer) == Verdict::Send {}
+    let answer = Datagram::of_ed25(Destination::Unicast(OWN), Id(0x1b00_00a0), &[0; 34]);
+    paths.wait(now.mono, 0, answer.expect("it fits"));
+    while paths.next_waiting(now.mono, 0).is_none() {
+        let due = paths.poll_timeout(now.mono).expect("it still waits");
+        assert!(due > now.mono, "the timer would be due for ever");
+        let step = due - now.mono;
+        (now.mono, now.wall) = (now.mono + step, now.wall + step);
+        if paths.due_to_ask(now.mono, 0).is_some() {
+            paths.ask(now, 0, OWN, false);
+        }
+    }
+    let waited = now.mono - begun;
+    assert!(waited < Duration::from_millis(200), "{waited:?}");
+}
+
+/// When the station begins to send.
+const LATER_S: u32 = 10;
+const OWN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::new(10, 9, 1, 1)), 40_000);
 
 /// How long the system keeps a datagram to a computer that does not answer ARP.
 const ARP: Duration = Duration::from_secs(3);

@@ -5,20 +5,25 @@
 //! them, used at 3,000 datagrams a second, filled the buffer, and half of the answers to other stations were lost.
 //!
 //! A limit alone would let a flood in a station's name keep that station out: its challenge would be the one that is not
-//! sent. So the rate is split by address. Who floods has to use as many addresses as there are parts to reach all of them; then the
-//! station still receives a challenge after some messages, and with its first right answer it no longer needs this rate.
+//! sent. So most of the rate is split by address and port. By address alone a flood that names the station's own address, with other
+//! ports, would have that station's part for itself. Now who floods uses all parts alike; then the station still receives a
+//! challenge after some messages, and with its first right answer it no longer needs this rate.
+//!
+//! The rest is for whoever comes first: without a flood a station that never acknowledges has it for itself, and needs it for the
+//! answers to what it commands ten times a second, or to a plan that it sends in one go.
 
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
 
 use super::rate::{Kind, Limits, Rate};
 
-/// The rate of each part.
+/// The rate of each part, and the rest.
 #[derive(Debug)]
 pub(super) struct UnprovenRate {
     parts: [Rate; PARTS],
+    rest: Rate,
     /// Nobody is to choose addresses that share a part with a certain station's.
     secret: [u8; 32],
 }
@@ -27,6 +32,7 @@ impl Default for UnprovenRate {
     fn default() -> Self {
         UnprovenRate {
             parts: std::array::from_fn(|_| Rate::default()),
+            rest: Rate::default(),
             secret: [0; 32],
         }
     }
@@ -38,28 +44,48 @@ impl UnprovenRate {
     }
 
     /// Whether a datagram may be sent to this address now.
-    pub(super) fn take(&mut self, now: Duration, to: IpAddr, kind: Kind) -> bool {
-        let to = to.to_canonical();
-        // Nothing on the way to this computer itself waits for ARP.
-        if to.is_loopback() {
-            return true;
+    pub(super) fn take(&mut self, now: Duration, to: SocketAddr, kind: Kind) -> bool {
+        self.part(to).is_none_or(|part| {
+            self.parts[part].take(now, 0, kind, &EACH) || self.rest.take(now, 0, kind, &REST)
+        })
+    }
+
+    /// Whether [`UnprovenRate::take`] would allow it.
+    pub(super) fn has_room(&self, now: Duration, to: SocketAddr, kind: Kind) -> bool {
+        self.part(to).is_none_or(|part| {
+            self.parts[part].has_room(now, kind, &EACH) || self.rest.has_room(now, kind, &REST)
+        })
+    }
+
+    /// `None`: nothing on the way to this computer itself waits for ARP.
+    fn part(&self, to: SocketAddr) -> Option<usize> {
+        let ip = to.ip().to_canonical();
+        if ip.is_loopback() {
+            return None;
         }
         let mut hash = Sha256::new_with_prefix(self.secret);
-        match to {
+        match ip {
             IpAddr::V4(ip) => hash.update(ip.octets()),
             IpAddr::V6(ip) => hash.update(ip.octets()),
         }
-        let part = usize::from(hash.finalize()[0]) % PARTS;
-        self.parts[part].take(now, 0, kind, &EACH)
+        hash.update(to.port().to_be_bytes());
+        Some(usize::from(hash.finalize()[0]) % PARTS)
     }
 }
 
-/// With [`EACH`]: with every part in use a burst of 256 datagrams, then 64 a second. What is sent within three seconds takes some
-/// 340 kB of the 416 kB that Linux gives a socket where `net.core.wmem_max` was not raised: it counts 768 bytes for a small datagram.
+/// With [`EACH`] and [`REST`]: with every part in use a burst of 177 datagrams, then 88 a second. What is sent within three seconds
+/// takes some 340 kB of the 416 kB that Linux gives a socket where `net.core.wmem_max` was not raised: it counts 768 bytes for a
+/// small datagram.
 const PARTS: usize = 16;
-/// Enough for a station that never acknowledges, which its credit limits to less.
 const EACH: Limits = Limits {
     lease: Duration::ZERO,
     bytes_s: u32::MAX,
     messages_s: 4,
+    burst: Duration::from_secs(1),
+};
+/// Enough for a station that never acknowledges and steers: its commands are acknowledged as received and as carried out.
+const REST: Limits = Limits {
+    messages_s: 24,
+    burst: Duration::from_secs(4),
+    ..EACH
 };
