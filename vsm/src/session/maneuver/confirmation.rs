@@ -2,7 +2,7 @@
 
 use mapping::limits::metres;
 use mapping::mode::Px4Mode;
-use mapping::telemetry::{Place, Telemetry};
+use mapping::telemetry::{Orbit, Place, Telemetry};
 
 use crate::session::link::state::VehicleState;
 
@@ -17,7 +17,7 @@ pub(crate) enum Confirmation {
     Disarmed,
     /// Off the ground.
     OffTheGround,
-    /// It flies this circle: centre, radius, negative counter-clockwise, and its altitude if one was commanded.
+    /// It flies this circle: centre, radius, negative counter-clockwise, and its altitude where only that is another one.
     Orbit {
         centre: (f64, f64),
         radius_m: f64,
@@ -36,7 +36,7 @@ pub(crate) enum Confirmation {
     },
 }
 
-/// A commanded altitude, and that of the vehicle when it was commanded, m above mean sea level.
+/// A commanded altitude, and that of the circle flown before, m above mean sea level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Climb {
     pub(crate) from_m: f64,
@@ -44,6 +44,25 @@ pub(crate) struct Climb {
 }
 
 impl Climb {
+    /// The climb that shows the command of this circle where the vehicle flies it already, at another altitude.
+    ///
+    /// `None` for any other circle: its centre and radius are in the report only once it is commanded. Its altitude would be a
+    /// wrong refusal: on the way there PX4 climbs in proportion to the distance (PositionSmoothing), so that 5 m more take a
+    /// minute where the circle is 400 m away.
+    pub(crate) fn on_the_same(
+        flown: Option<Orbit>,
+        here: (f64, f64),
+        centre: (f64, f64),
+        radius_m: f64,
+        to_m: f64,
+    ) -> Option<Climb> {
+        let flown = flown.filter(|orbit| is_circle(orbit, centre, radius_m))?;
+        let on_it = (metres(centre, here) - radius_m.abs()).abs() < ON_IT_M;
+        // The set point, not the vehicle's altitude: a vehicle that sags 2 m below it would seem to have begun its climb.
+        let from_m = flown.centre.amsl_m;
+        on_it.then_some(Climb { from_m, to_m })
+    }
+
     /// Whether a set point of this altitude shows it: there, or on its way.
     ///
     /// While a multicopter approaches its circle, PX4 reports the altitude that it is set to at that moment, which reaches
@@ -52,6 +71,11 @@ impl Climb {
         let (all, left) = (self.to_m - self.from_m, self.to_m - amsl_m);
         left.abs() < TARGET_SLACK_M || left.abs() + BEGUN_M < all.abs()
     }
+}
+
+fn is_circle(flown: &Orbit, centre: (f64, f64), radius_m: f64) -> bool {
+    let place = (flown.centre.latitude, flown.centre.longitude);
+    metres(centre, place) < TARGET_SLACK_M && (flown.radius_m - radius_m).abs() < RADIUS_SLACK_M
 }
 
 impl Confirmation {
@@ -77,9 +101,7 @@ impl Confirmation {
                 radius_m,
                 climb,
             } => telemetry.orbit.is_some_and(|orbit| {
-                let flown = (orbit.centre.latitude, orbit.centre.longitude);
-                metres(*centre, flown) < TARGET_SLACK_M
-                    && (orbit.radius_m - radius_m).abs() < RADIUS_SLACK_M
+                is_circle(&orbit, *centre, *radius_m)
                     // The same circle at another altitude is another one.
                     && climb.is_none_or(|climb| climb.is_shown_by(orbit.centre.amsl_m))
             }),
@@ -165,13 +187,13 @@ const COURSE_SLACK: f64 = 0.1;
 const SLOWEST_M_S: f64 = 2.0;
 /// Tolerance of a set point, m.
 const TARGET_SLACK_M: f64 = 2.0;
+/// A vehicle this near to a circle flies it, m.
+const ON_IT_M: f64 = 5.0;
 /// So much nearer to its altitude a climb or a descent has begun, m.
 const BEGUN_M: f64 = 1.0;
 
 #[cfg(test)]
 mod tests {
-    use mapping::telemetry::Orbit;
-
     use super::*;
     use crate::session::testing::World;
 
@@ -208,5 +230,31 @@ mod tests {
         });
         assert!(!shown(550.0, descent));
         assert!(shown(548.0, descent));
+    }
+
+    #[test]
+    fn only_the_circle_that_is_flown_already_is_shown_by_its_altitude() {
+        let centre = (47.4, 8.5);
+        let orbit = Orbit {
+            centre: Place {
+                latitude: centre.0,
+                longitude: centre.1,
+                amsl_m: 500.0,
+            },
+            radius_m: 30.0,
+        };
+        // 30 m and 400 m to the north.
+        let (on_it, far) = ((47.400_27, 8.5), (47.403_6, 8.5));
+        let climb = |flown, here, centre, radius_m| {
+            Climb::on_the_same(flown, here, centre, radius_m, 505.0)
+        };
+        let (from_m, to_m) = (500.0, 505.0);
+        let same = climb(Some(orbit), on_it, centre, 30.0);
+        assert_eq!(same, Some(Climb { from_m, to_m }), "by its set point");
+        // Of these PX4 shows centre and radius at once, and the altitude perhaps only after a minute.
+        assert_eq!(climb(None, on_it, centre, 30.0), None);
+        assert_eq!(climb(Some(orbit), far, centre, 30.0), None);
+        assert_eq!(climb(Some(orbit), on_it, (47.401, 8.5), 30.0), None);
+        assert_eq!(climb(Some(orbit), on_it, centre, -30.0), None);
     }
 }

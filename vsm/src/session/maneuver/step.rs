@@ -402,18 +402,18 @@ pub(crate) fn shows_speed(speed_m_s: f64) -> Step {
 }
 
 /// MAV_CMD_DO_ORBIT around a place; a negative radius is flown counter-clockwise. Enters ORBIT on a multicopter, whose
-/// ORBIT_EXECUTION_STATUS shows the circle, AUTO.LOITER on a fixed wing. Without a `climb` a multicopter keeps the altitude
-/// that was commanded for its present circle.
+/// ORBIT_EXECUTION_STATUS shows the circle, AUTO.LOITER on a fixed wing. Without an altitude a multicopter keeps the one
+/// that was commanded for its present circle. `climb`: where it flies this circle already.
 pub(crate) fn orbit(
     place: (f64, f64),
-    climb: Option<Climb>,
+    amsl_m: Option<f64>,
     radius_m: f64,
     speed_m_s: Option<f64>,
     hovers: bool,
+    climb: Option<Climb>,
 ) -> Vec<Step> {
     let speed = speed_m_s.map_or(f32::NAN, |speed| speed as f32);
     let params = [radius_m as f32, speed, 0.0, f32::NAN];
-    let amsl_m = climb.map(|climb| climb.to_m);
     // PX4 keeps what is NaN (FlightTaskOrbit::applyCommandParameters).
     let or_kept = amsl_m.unwrap_or(f64::NAN);
     let command = at_place(MavCmd::MAV_CMD_DO_ORBIT, params, Some(place), or_kept);

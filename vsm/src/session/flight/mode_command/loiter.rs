@@ -205,11 +205,10 @@ fn go(
                 draft.commanded.speed_m_s = speed;
                 draft.commanded.speed_type = speed.map(|_| SpeedType::Ground);
             }
-            let climb = Climb {
-                from_m: present.amsl_m,
-                to_m: amsl_m,
-            };
-            let steps = maneuver::orbit(place, Some(climb), turn, speed, hovers);
+            let flown = at.telemetry.orbit;
+            let flown = flown.filter(|_| at.settled_mode() == Some(Px4Mode::ORBIT));
+            let climb = Climb::on_the_same(flown, here, place, turn, amsl_m);
+            let steps = maneuver::orbit(place, Some(amsl_m), turn, speed, hovers, climb);
             draft.steps.extend(steps);
         }
         _ => {
@@ -232,7 +231,7 @@ fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, Str
     within_the_circle(Some(speed_m_s), orbit.radius_m.abs())?;
     let centre = (orbit.centre.latitude, orbit.centre.longitude);
     // The reported altitude is that of this moment: on the way to its circle, commanding it would end the climb there.
-    let mut steps = maneuver::orbit(centre, None, orbit.radius_m, Some(speed_m_s), true);
+    let mut steps = maneuver::orbit(centre, None, orbit.radius_m, Some(speed_m_s), true, None);
     steps.push(maneuver::shows_speed(speed_m_s));
     Ok(steps)
 }
