@@ -7,12 +7,13 @@ use toml::Spanned;
 
 use super::error::{Fault, fault};
 use super::value::Signing;
-use super::vehicle::Vehicle;
+use super::vehicle::{MIN_RATE_BPS, Vehicle};
 
 /// The vehicles that the tables of a file are for, each at the place of its table.
 ///
 /// # Errors
-/// Ids or system ids cannot be counted so far, or vehicles would share a key or tail number.
+/// Ids or system ids cannot be counted so far, or vehicles would share a key or tail number, or have too little of
+/// a slow link.
 pub(super) fn expand(tables: Vec<Spanned<Vehicle>>) -> Result<Vec<Spanned<Vehicle>>, Fault> {
     let mut vehicles = Vec::with_capacity(tables.len());
     for table in tables {
@@ -29,6 +30,8 @@ pub(super) fn expand(tables: Vec<Spanned<Vehicle>>) -> Result<Vec<Spanned<Vehicl
             logical_id: vehicle.logical_id.map(|id| Id(id.0 + u32::from(n))),
             system_id: vehicle.system_id + n,
             tail_number: numbered(&vehicle.tail_number, n),
+            // They share what the link carries: the whole of it for each would fill a radio until nothing gets through.
+            rate_bps: vehicle.rate_bps.map(|rate| rate / u32::from(count)),
             signing: match &vehicle.signing {
                 Signing::KeyFile(file, exchange) => {
                     Signing::KeyFile(numbered_file(file, n), *exchange)
@@ -71,6 +74,11 @@ fn check(vehicle: &Vehicle, count: u8, at: usize) -> Result<(), Fault> {
     }
     if further == 0 {
         return Ok(());
+    }
+    let least = u32::from(count) * MIN_RATE_BPS;
+    if let Some(rate) = vehicle.rate_bps.filter(|rate| *rate < least) {
+        let expected = format!("{least} or more: {MIN_RATE_BPS} bits a second for each of {count}");
+        return fault(at, "vehicle.rate_bps", rate, &expected);
     }
     if let Signing::KeyFile(file, _) = &vehicle.signing
         && !file.to_string_lossy().contains(NUMBER)
@@ -182,6 +190,15 @@ mod tests {
     }
 
     #[test]
+    fn counted_vehicles_share_what_their_link_carries() {
+        let config = parse(&table(
+            "system_id = 1\ncount = 3\nrate_bps = 57600\nsigning = { key_file = \"{n}.key\" }",
+        ));
+        let rates: Vec<_> = config.unwrap().vehicles().map(|one| one.rate_bps).collect();
+        assert_eq!(rates, [Some(19_200); 3]);
+    }
+
+    #[test]
     fn what_cannot_be_counted_is_refused_by_name_and_line() {
         let key = "signing = { key_file = \"{n}.key\" }";
         let second = format!(
@@ -204,6 +221,10 @@ mod tests {
             (
                 "system_id = 1\ncount = 2\nsigning = { key_file = \"one.key\" }".to_owned(),
                 ["line 11: vehicle.signing.key_file is one.key", "uav{n}.key"],
+            ),
+            (
+                format!("system_id = 1\ncount = 3\nrate_bps = 28799\n{key}"),
+                ["line 11: vehicle.rate_bps is 28799", "28800 or more"],
             ),
             (
                 format!("system_id = 1\ncount = 2\n{key}\ntail_number = \"UAV\""),

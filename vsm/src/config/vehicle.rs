@@ -33,7 +33,7 @@ table! {
         /// MAVLink system id of the vehicle, 1 to 255
         pub system_id: u8 => Required,
         /// So many vehicles of this table, 1 to 255, on one link: `id`, `logical_id` and `system_id` are counted up from the ones given
-        /// here, and `{n}` in `tail_number` and `signing.key_file` stands for the number of each, from 1
+        /// here, and `{n}` in `tail_number` and `signing.key_file` stands for the number of each, from 1. They share `rate_bps`
         pub count: Option<u8> => Nothing("one vehicle"),
         /// Tail number for message 3, at most 15 characters
         #[serde(default)]
@@ -373,7 +373,7 @@ impl Vehicle {
             return fault(at, "vehicle.encrypt", true, expected);
         }
         if let Some(rate) = self.rate_bps
-            && !(9_600..=10_000_000).contains(&rate)
+            && !(MIN_RATE_BPS..=10_000_000).contains(&rate)
         {
             let expected = "9600 to 10000000 (bits a second)";
             return fault(at, "vehicle.rate_bps", rate, expected);
@@ -479,3 +479,6 @@ pub(super) fn check_areas(areas: &[Area]) -> Result<(), String> {
         .map(|_| ())
         .map_err(|fault| fault.reason.to_string())
 }
+
+/// The slowest link that is of use to one vehicle, bits a second.
+pub(super) const MIN_RATE_BPS: u32 = 9_600;
