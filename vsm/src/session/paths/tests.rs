@@ -104,7 +104,7 @@ fn beside_forgeries(
                 && let Some(stamp) = question
             {
                 question = match paths.answered(now, 0, own, stamp) {
-                    Proof::Proven { .. } => return (most, now.mono.checked_sub(begins)),
+                    Proof::Proven { .. } => return (most, Some(now.mono.saturating_sub(begins))),
                     Proof::Round => paths.ask(now, 0, own, true),
                     Proof::None => None,
                 };
