@@ -37,7 +37,8 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     )
 }
 
-fn number(name: &str) -> Result<Option<u64>> {
+/// The whole number that follows an option.
+pub(crate) fn number(name: &str) -> Result<Option<u64>> {
     let Some(given) = option(name) else {
         return Ok(None);
     };

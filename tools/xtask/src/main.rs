@@ -9,6 +9,7 @@ mod ci;
 mod conform;
 mod deb;
 mod dependencies;
+mod faults;
 mod fuzz;
 mod kill;
 mod licences;
@@ -34,6 +35,7 @@ fn main() -> ExitCode {
         "fuzz" => fuzz::seconds().and_then(|seconds| fuzz::run(&mut steps, seconds)),
         "conform" => conform::run(&mut steps),
         "kill" => kill::run(&mut steps),
+        "faults" => faults::run(&mut steps),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
         "portable" => portable::build(&mut steps).map(|folder| eprintln!("{}", folder.display())),
         "sbom" => sbom::write().map(|list| eprintln!("{}", list.display())),
@@ -84,6 +86,9 @@ usage: cargo xtask TASK
   fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all; --corpus DIR: from and to there
   kill    kill -9 the bridge and the agent at random moments of flights, and check what must not be lost; --times N,
           --side-by-side N, --seed N
+  faults  three nodes and etcd in network namespaces: kill, cut off and slow them at random under flying vehicles, and check the
+          wire; --times N, --seed N, --vehicles N, --side-by-side N, --bins DIR: with the programs of DIR; --docs: write
+          docs/reference/fleet-faults.md; --plant: replay a frame, which has to be found. Needs root, ip and etcd
   conform judge our own bridge by the conformance suite; further arguments are dli-check's, such as --rule AUTH-002;
           conform mavlink judges the simulated PX4 by mavlink-check, further arguments are that program's
   deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: pack the programs of DIR; --out DIR;
