@@ -9,6 +9,7 @@ mod deviation;
 mod flown;
 mod npfg;
 mod plan;
+mod track;
 mod vehicle;
 mod wing_track;
 
@@ -20,4 +21,5 @@ pub use plan::{
     CURVE_SWING_S, FlightPlan, MIN_ACCEPTANCE_M, NotFlyable, Policy, SpeedChange, Tight,
     chord_acceptance_m, climbing_mps, climbs, plan_flight,
 };
+pub use track::{Along, Track, TrackLeg, offset_m};
 pub use vehicle::{Airframe, FixedWing, Multicopter, ParameterError};
