@@ -376,15 +376,17 @@ impl Commander {
     /// OFFBOARD setpoints are lost. Without sticks PX4 then acts as on the loss of sticks, at once and without a
     /// hold.
     fn setpoints_lost(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
-        let mode = if self.sticks_alive(facts) && facts.params.int(Param::COM_OBL_RC_ACT) == 0 {
-            Mode::PosCtl
-        } else {
-            match facts.params.int(Param::COM_OBL_RC_ACT) {
-                4 => Mode::Land,
-                5 => Mode::Loiter,
-                7 => Mode::Termination,
-                _ => after_loss(facts.params.int(Param::NAV_RCL_ACT)).unwrap_or(Mode::Loiter),
-            }
+        // Failsafe::fromOffboardLossActParam. Motors that 7 (disarm) stops are flown as a termination.
+        let mode = match facts.params.int(Param::COM_OBL_RC_ACT) {
+            3 => Mode::Rtl,
+            4 => Mode::Land,
+            5 => Mode::Loiter,
+            6 | 7 => Mode::Termination,
+            by_hand if self.sticks_alive(facts) => match by_hand {
+                0 => Mode::PosCtl,
+                _ => Mode::AltCtl,
+            },
+            _ => after_loss(facts.params.int(Param::NAV_RCL_ACT)).unwrap_or(Mode::Loiter),
         };
         self.failsafe = Some(Failsafe {
             cause: Cause::Setpoints,

@@ -78,6 +78,7 @@ impl Sticks {
 pub(crate) struct Setpoint {
     position: [Option<f64>; 3],
     velocity: [Option<f64>; 3],
+    acceleration: [Option<f64>; 3],
     heading: Heading,
 }
 
@@ -88,10 +89,12 @@ impl Setpoint {
         let mask = m.type_mask.bits();
         let mut position = pick([m.x, m.y, m.z], mask, 0);
         let mut velocity = pick([m.vx, m.vy, m.vz], mask, 3);
+        let mut acceleration = pick([m.afx, m.afy, m.afz], mask, 6);
         match m.coordinate_frame as u32 {
             1 => {}
             8 | 12 => {
                 position = [None; 3];
+                acceleration = [None; 3];
                 if let [Some(forward), Some(right), _] = velocity {
                     let (sin, cos) = yaw.sin_cos();
                     velocity[0] = Some(forward * cos - right * sin);
@@ -100,7 +103,8 @@ impl Setpoint {
             }
             _ => return None,
         }
-        Self::new(position, velocity, heading(m.yaw, m.yaw_rate, mask))
+        let heading = heading(m.yaw, m.yaw_rate, mask);
+        Self::new(position, velocity, acceleration, heading)
     }
 
     /// From SET_POSITION_TARGET_GLOBAL_INT, altitude AMSL (frames 0, 5) or above home (3, 6).
@@ -123,6 +127,7 @@ impl Setpoint {
         Self::new(
             position,
             pick([m.vx, m.vy, m.vz], mask, 3),
+            pick([m.afx, m.afy, m.afz], mask, 6),
             heading(m.yaw, m.yaw_rate, mask),
         )
     }
@@ -130,25 +135,32 @@ impl Setpoint {
     fn new(
         position: [Option<f64>; 3],
         velocity: [Option<f64>; 3],
+        acceleration: [Option<f64>; 3],
         heading: Heading,
     ) -> Option<Self> {
         let flyable = position.iter().chain(&velocity).any(Option::is_some);
         flyable.then_some(Self {
             position,
             velocity,
+            acceleration,
             heading,
         })
     }
 
     /// The guidance and heading for it.
     pub(crate) fn guidance(&self) -> (Guidance, Heading) {
-        (
-            Guidance::Steer {
+        let guidance = match (whole(self.position), whole(self.velocity)) {
+            (Some(position), Some(velocity)) => Guidance::Track {
+                position,
+                velocity,
+                acceleration: whole(self.acceleration).unwrap_or_default(),
+            },
+            _ => Guidance::Steer {
                 position: self.position,
                 velocity: self.velocity,
             },
-            self.heading,
-        )
+        };
+        (guidance, self.heading)
     }
 
     /// A climb is requested; without one the vehicle stays on the ground.
@@ -156,6 +168,11 @@ impl Setpoint {
         self.position[2].is_some_and(|d| d < down - 0.3)
             || self.velocity[2].is_some_and(|v| v < -0.1)
     }
+}
+
+fn whole(axes: [Option<f64>; 3]) -> Option<Ned> {
+    let [n, e, d] = axes;
+    Some(Ned::new(n?, e?, d?))
 }
 
 fn pick(values: [f32; 3], mask: u16, shift: u32) -> [Option<f64>; 3] {

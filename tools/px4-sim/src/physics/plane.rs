@@ -120,7 +120,7 @@ impl Plane {
                 airspeed: circle.speed,
             }),
             // Steering by sticks or setpoints is not simulated on wings: it flies straight and level.
-            Guidance::Steer { .. } => Some(Demand {
+            Guidance::Steer { .. } | Guidance::Track { .. } => Some(Demand {
                 course: self.course(),
                 climb: 0.0,
                 airspeed: self.airspeed,

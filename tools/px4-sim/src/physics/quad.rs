@@ -172,6 +172,20 @@ impl Quad {
                 let desired = self.steered(position, velocity, tuning);
                 self.trajectory.advance(dt, desired, believed, &limits);
             }
+            &Guidance::Track {
+                position,
+                velocity,
+                acceleration,
+            } => {
+                // PositionControl takes set points without any planning of its own; only the pull of a far one is limited.
+                self.trajectory.reset(position, velocity);
+                self.trajectory.acceleration = acceleration;
+                let off = position - believed;
+                let reach = limits.speed_max / tuning.position_gain;
+                if off.norm() > reach {
+                    self.trajectory.position = believed + off * (reach / off.norm());
+                }
+            }
             &Guidance::Circle(Circle {
                 centre,
                 radius,

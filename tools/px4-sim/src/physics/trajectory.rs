@@ -26,6 +26,15 @@ pub(crate) enum Guidance {
         /// Velocity, m/s.
         velocity: [Option<f64>; 3],
     },
+    /// Along a track that somebody else plans: its place now, with feed-forward. PX4 flies it as it is, unsmoothed.
+    Track {
+        /// Local position, m.
+        position: Ned,
+        /// Velocity, m/s.
+        velocity: Ned,
+        /// Acceleration, m/s2.
+        acceleration: Ned,
+    },
     /// Around a centre.
     Circle(Circle),
 }

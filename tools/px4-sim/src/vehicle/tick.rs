@@ -102,14 +102,16 @@ impl Vehicle {
             Guidance::Leg(leg) | Guidance::Climb(leg) | Guidance::Land(leg) => leg.target,
             // The centre of a whole eight, not of the end that is flown now.
             Guidance::Circle(circle) => self.navigator.eight().unwrap_or(circle.centre),
-            Guidance::Ground | Guidance::Steer { .. } => self.body.setpoint().position,
+            Guidance::Ground | Guidance::Steer { .. } | Guidance::Track { .. } => {
+                self.body.setpoint().position
+            }
         };
         let error = self.estimator.position_error();
         self.body.step(DT, &guidance, &heading, error, &self.tuning);
         // Landed requires contact with the ground and a vehicle that is commanded down: one that is about to take off
         // also touches the ground.
         let sinking = matches!(guidance, Guidance::Land(_) | Guidance::Ground)
-            || matches!(guidance, Guidance::Steer { .. } if self.body.setpoint().velocity.d > 0.05);
+            || matches!(guidance, Guidance::Steer { .. } | Guidance::Track { .. } if self.body.setpoint().velocity.d > 0.05);
         let touching = self.body.motion().position.d >= -0.001;
         self.contact = if touching && sinking {
             self.contact + DT
