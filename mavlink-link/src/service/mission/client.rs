@@ -128,6 +128,14 @@ impl Client {
         Ok(())
     }
 
+    /// Makes an item the current one, without an event: the caller looks at MISSION_CURRENT, and sends the next one soon.
+    /// Nothing is sent while an operation is in progress, in which PX4 would ignore it.
+    pub fn point_to(&mut self, item: u16) {
+        if self.check_idle().is_ok() {
+            self.out.push(set_current(self.vehicle, item));
+        }
+    }
+
     /// Ends the present operation and cancels it at the vehicle; [`Event::Failed`] follows.
     pub fn cancel(&mut self) {
         if let Some(job) = self.job.take() {
