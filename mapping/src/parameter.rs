@@ -17,6 +17,8 @@ pub const NAMES: &[&str] = &[
     "BAT_EMERGEN_THR",
     "BAT_LOW_THR",
     "COM_DL_LOSS_T",
+    "COM_OBL_RC_ACT",
+    "COM_OF_LOSS_T",
     "FW_AIRSPD_MAX",
     "FW_AIRSPD_MIN",
     "FW_AIRSPD_TRIM",

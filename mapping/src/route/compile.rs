@@ -13,7 +13,7 @@ use super::error::{Reason, RouteError};
 use super::item::{self, DO_CHANGE_SPEED, NAV_WAYPOINT, change_speed};
 use super::mission::{CompiledMission, Leg};
 use super::site::{Curving, Site};
-use super::{brake, curve, loiter, waypoint};
+use super::{brake, curve, loiter, stream, waypoint};
 use crate::action::{Action, Transition};
 use crate::altitude::{AltitudeError, Level};
 use crate::limits::{Performance, metres};
@@ -40,6 +40,17 @@ pub fn compile(plan: &Plan, initial: u16, site: &Site) -> Result<CompiledMission
         compiled.curved = Some(curved);
         let note = curved.note(site.curving.tolerance_m, site.limits.items);
         compiled.notes.push(note);
+        if site.curving.streamed {
+            if !site.hovers() {
+                return Err(RouteError {
+                    waypoint: initial,
+                    reason: Reason::StreamOnWings,
+                });
+            }
+            let (streamed, notes) = stream::runs(plan, &compiled, site);
+            compiled.streamed = streamed;
+            compiled.notes.extend(notes);
+        }
     }
     Ok(compiled)
 }

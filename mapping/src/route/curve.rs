@@ -200,36 +200,8 @@ fn chords(
     ground: &mut Ground<'_>,
     site: &Site,
 ) -> Result<Chords, CurveError> {
-    // Heights stay relative if both ends are; a leg of mixed references is converted to altitudes above sea level.
-    let above_home = matches!(
-        (p1.level, p4.level),
-        (Level::AboveHome(_), Level::AboveHome(_))
-    );
     let over = ground.heights_m.zip(site.terrain);
-    let metres = |level: Level, place: (f64, f64)| {
-        let base_m = match over {
-            // Heights above the ground are planned as the curve describes them over a level plane; the plane then takes the
-            // shape of the ground.
-            Some(_) => site.datum().ground_m(place)?,
-            None if above_home => site.home.amsl_m,
-            None => 0.0,
-        };
-        Ok(level.amsl(site.home.amsl_m) - base_m)
-    };
-    let (p2, p3) = controls(curve, site, &metres)?;
-    let position = |leg: &Leg, height_m: Option<f64>| {
-        let alt_m = match height_m {
-            Some(height_m) => height_m,
-            None => metres(leg.level, leg.place())?,
-        };
-        Ok::<_, CurveError>(Position::new(leg.latitude, leg.longitude, alt_m))
-    };
-    let [first_m, last_m] = [
-        over.map(|((first_m, _), _)| first_m),
-        over.map(|((_, last_m), _)| last_m),
-    ];
-    let leg = BezierLeg::new(position(p1, first_m)?, p2, p3, position(p4, last_m)?)
-        .map_err(|fault| CurveError::Shape(fault.to_string()))?;
+    let (leg, above_home) = bezier((p1, p4), curve, ground.heights_m, site)?;
     let shape = |fault: &dyn std::fmt::Display| CurveError::Shape(fault.to_string());
     let legs = [curve_paths::Leg::Bezier(leg)];
     let tolerance_m = site.curving.tolerance_m;
@@ -316,6 +288,50 @@ fn chords(
         bound_m: densified.bound_m,
         time_s: flown.curves_s,
     })
+}
+
+/// The curve from `p1` to `p4`, and whether its altitudes are heights above home; otherwise they are above mean sea level, or
+/// above the ground where `heights_m` gives those of both ends.
+///
+/// # Errors
+/// A field is missing or not finite, or a control point is over 50 km from its end.
+pub(super) fn bezier(
+    (p1, p4): (&Leg, &Leg),
+    curve: &Curve,
+    heights_m: Option<(f64, f64)>,
+    site: &Site<'_>,
+) -> Result<(BezierLeg, bool), CurveError> {
+    // Heights stay relative if both ends are; a leg of mixed references is converted to altitudes above sea level.
+    let above_home = matches!(
+        (p1.level, p4.level),
+        (Level::AboveHome(_), Level::AboveHome(_))
+    );
+    let over = heights_m.zip(site.terrain);
+    let metres = |level: Level, place: (f64, f64)| {
+        let base_m = match over {
+            // Heights above the ground are planned as the curve describes them over a level plane; the plane then takes the
+            // shape of the ground.
+            Some(_) => site.datum().ground_m(place)?,
+            None if above_home => site.home.amsl_m,
+            None => 0.0,
+        };
+        Ok(level.amsl(site.home.amsl_m) - base_m)
+    };
+    let (p2, p3) = controls(curve, site, &metres)?;
+    let position = |leg: &Leg, height_m: Option<f64>| {
+        let alt_m = match height_m {
+            Some(height_m) => height_m,
+            None => metres(leg.level, leg.place())?,
+        };
+        Ok::<_, CurveError>(Position::new(leg.latitude, leg.longitude, alt_m))
+    };
+    let [first_m, last_m] = [
+        over.map(|((first_m, _), _)| first_m),
+        over.map(|((_, last_m), _)| last_m),
+    ];
+    let leg = BezierLeg::new(position(p1, first_m)?, p2, p3, position(p4, last_m)?)
+        .map_err(|fault| CurveError::Shape(fault.to_string()))?;
+    Ok((leg, above_home))
 }
 
 /// Turns heights above the ground into altitudes above mean sea level, and adds the points that the ground between two

@@ -36,6 +36,12 @@ pub enum Reason {
     /// A field that cannot be done without.
     #[error("{0} is missing")]
     Missing(&'static str),
+    /// Curves are to be streamed, and the vehicle is no multicopter.
+    #[error(
+        "vehicle.curve.mode is \"offboard\", and the vehicle has wings: PX4 takes such set points of a multicopter only; set \
+         \"mission\""
+    )]
+    StreamOnWings,
     /// Latitude beyond the poles.
     #[error("latitude {0:.4} deg, expected -90 to 90")]
     Latitude(f64),

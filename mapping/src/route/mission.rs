@@ -10,6 +10,7 @@ use super::item::{
     NAV_VTOL_LAND, VTOL_STATE_MC, degrees_e7,
 };
 use super::site::Site;
+use super::stream::StreamedRun;
 use crate::altitude::Level;
 use crate::limits::{Limits, Performance};
 
@@ -24,6 +25,8 @@ pub struct CompiledMission {
     pub order: Vec<Leg>,
     /// A summary of its curved legs, if any.
     pub curved: Option<Curved>,
+    /// The curved legs that may be streamed; none unless that is configured.
+    pub streamed: Vec<StreamedRun>,
     /// Notes for the operator.
     pub notes: Vec<String>,
 }

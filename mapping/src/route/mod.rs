@@ -12,7 +12,7 @@
 //! | Waypoint Type (0802.17) 1, end of a loop | DO_JUMP after it: `waypoint` |
 //!
 //! In reading order: `site` (what a route is compiled for), `compile` (waypoint by waypoint), `waypoint`, `loiter` and
-//! `curve` (the items of each), `brake` (where PX4 must stop), `clearance` (heights above the ground between waypoints),
+//! `curve` (the items of each), `stream` (curves by set points), `brake` (where PX4 must stop), `clearance` (heights above the ground between waypoints),
 //! `wings` (the limits of a wing), `landing` (how a route ends), `mission` (the result), `terrain` (the result compared
 //! with the ground), `error` (each refusal).
 
@@ -30,6 +30,7 @@ mod mission;
 mod site;
 #[cfg(test)]
 mod speeds_where_they_change;
+mod stream;
 mod terrain;
 mod waypoint;
 mod wings;
@@ -39,6 +40,7 @@ pub use error::{CurveError, Reason, RouteError, TerrainError};
 pub(crate) use item::degrees_e7;
 pub use landing::complete;
 pub use mission::{CompiledMission, Curved, Leg};
+pub use stream::{StreamedLeg, StreamedRun, permitted as stream_permitted};
 pub use site::{Curving, FixedWing, Multicopter, Policy, Site, Vertices};
 pub use terrain::check_way;
 pub use wings::{Pattern, Wings};

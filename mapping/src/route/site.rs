@@ -81,6 +81,8 @@ pub struct Curving {
     pub policy: Policy,
     /// Whether vertices may leave the curve by up to the tolerance.
     pub vertices: Vertices,
+    /// Whether curves are streamed where they can be, in place of their chords.
+    pub streamed: bool,
     /// What a vehicle that hovers can do.
     pub multicopter: Multicopter,
     /// What one that does not can do.
@@ -93,6 +95,7 @@ impl Default for Curving {
             tolerance_m: 1.0,
             policy: Policy::Slow,
             vertices: Vertices::OnCurve,
+            streamed: false,
             multicopter: Multicopter::default(),
             fixed_wing: FixedWing::default(),
         }

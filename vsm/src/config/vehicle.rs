@@ -112,6 +112,10 @@ table! {
         pub vertices: CurveVertices => Value("\"on\""),
         /// Wind, from any direction, in which the flown deviation of wings is predicted, 0 to 30 m/s
         pub wind_m_s: f64 => Value("5.0"),
+        /// How a multicopter flies curves: as straight legs of its `"mission"`, or `"offboard"`: streamed, by set points along
+        /// the curve itself, which depends on the link while it is flown; only with a `COM_OBL_RC_ACT` of 3, 4 or 5 and a
+        /// `COM_OF_LOSS_T` of 0.5 to 1 s ([curves.md](../guide/curves.md#streamed-curves))
+        pub mode: CurveMode => Value("\"mission\""),
     }
 }
 
@@ -123,8 +127,19 @@ impl Default for Curve {
             policy: CurvePolicy::Slow,
             vertices: CurveVertices::On,
             wind_m_s: 5.0,
+            mode: CurveMode::Mission,
         }
     }
+}
+
+/// `vehicle.curve.mode`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CurveMode {
+    /// As chords, items of the mission.
+    Mission,
+    /// By set points along the curve.
+    Offboard,
 }
 
 /// `vehicle.curve.vertices`
@@ -377,6 +392,10 @@ impl Vehicle {
         {
             let expected = "9600 to 10000000 (bits a second)";
             return fault(at, "vehicle.rate_bps", rate, expected);
+        }
+        if self.curve.mode == CurveMode::Offboard && self.rate_bps.is_some() {
+            let expected = "\"mission\" beside vehicle.rate_bps: set points take 16000 bits/s, and cannot wait";
+            return fault(at, "vehicle.curve.mode", "\"offboard\"", expected);
         }
         if self.agl == Agl::Terrain && self.terrain.is_none() {
             let expected = "vehicle.terrain beside it: the folder of the elevation files";

@@ -144,6 +144,8 @@ pub(crate) enum Transfer {
 pub(crate) struct FlightView<'a> {
     /// A maneuver is in progress.
     pub(crate) maneuver: bool,
+    /// A curve of the mission is being streamed: the vehicle follows it in OFFBOARD.
+    pub(crate) streams_curve: bool,
     /// The VSM is flying the loss action.
     pub(crate) loss_action: bool,
     /// A contingency is being commanded, or the vehicle was brought to what it flies by one whose cause lasts.
@@ -458,6 +460,7 @@ impl Bounds {
                     config::CurveVertices::On => Vertices::OnCurve,
                     config::CurveVertices::Free => Vertices::Free,
                 },
+                streamed: config.curve.mode == config::CurveMode::Offboard,
                 fixed_wing: FixedWing {
                     wind_mps: config.curve.wind_m_s,
                     ..FixedWing::default()

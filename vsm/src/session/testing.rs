@@ -257,6 +257,7 @@ impl World {
         };
         let flight = FlightView {
             maneuver: self.maneuver,
+            streams_curve: false,
             loss_action: false,
             contingency: false,
             commands_by_itself: false,

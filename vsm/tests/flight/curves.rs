@@ -17,12 +17,12 @@ use stanag_msgs::messages::CurveSegment;
 use stanag_msgs::{Bam32, Message, Scaled};
 
 /// Metres north and east of home, metres above it.
-type At = (f64, f64, f64);
+pub(super) type At = (f64, f64, f64);
 
 /// A curved leg: P1 to P4; the altitudes of P2 and P3 count where `climbs`.
 #[derive(Clone, Copy)]
-struct Curve {
-    p: [At; 4],
+pub(super) struct Curve {
+    pub(super) p: [At; 4],
     climbs: bool,
 }
 
@@ -35,7 +35,7 @@ const fn climbing(p: [At; 4]) -> Curve {
 }
 
 /// Two bends, the P2 of the second drawn out by so much.
-fn tightening(drawn_out_m: f64) -> Vec<Curve> {
+pub(super) fn tightening(drawn_out_m: f64) -> Vec<Curve> {
     const H: f64 = 30.0;
     vec![
         level([
@@ -54,7 +54,7 @@ fn tightening(drawn_out_m: f64) -> Vec<Curve> {
 }
 
 /// Twelve routes: arcs, an S, a hook, a loop, bends that tighten, climbs, a circle, an eight.
-fn routes() -> Vec<(&'static str, Vec<Curve>)> {
+pub(super) fn routes() -> Vec<(&'static str, Vec<Curve>)> {
     const H: f64 = 30.0;
     // The arm of a quarter circle, as a part of its radius.
     const K: f64 = 0.552_284_75;
@@ -157,7 +157,7 @@ fn routes() -> Vec<(&'static str, Vec<Curve>)> {
 const ACCEPTANCE_M: f64 = 3.0;
 
 /// Numbers that are neither in order nor dense: 700, 693, 686 and so on.
-fn number(k: usize) -> u16 {
+pub(super) fn number(k: usize) -> u16 {
     700 - 7 * k as u16
 }
 
@@ -180,7 +180,7 @@ fn segment(curve: &Curve, k: usize) -> CurveSegment {
 }
 
 /// Curves first: they may come before their waypoints.
-fn plan(curves: &[Curve], speed_m_s: f64) -> Vec<Message> {
+pub(super) fn plan(curves: &[Curve], speed_m_s: f64) -> Vec<Message> {
     let mut plan: Vec<Message> = vec![orders::route(number(0)).into()];
     plan.extend(
         curves
@@ -201,7 +201,7 @@ fn plan(curves: &[Curve], speed_m_s: f64) -> Vec<Message> {
     plan
 }
 
-fn legs(curves: &[Curve]) -> Vec<Leg> {
+pub(super) fn legs(curves: &[Curve]) -> Vec<Leg> {
     let leg = |curve: &Curve| {
         let end = |(n, e, up): At| {
             let (lat, lon) = orders::place(n, e);
@@ -223,7 +223,7 @@ fn legs(curves: &[Curve]) -> Vec<Leg> {
     curves.iter().map(leg).collect()
 }
 
-fn loaded(setup: Setup, plan: Vec<Message>) -> Rig {
+pub(super) fn loaded(setup: Setup, plan: Vec<Message>) -> Rig {
     let mut rig = Rig::ready_with(setup);
     rig.send_plan(plan);
     rig.done(orders::load());
@@ -240,7 +240,7 @@ fn curved(rig: &Rig) -> Curved {
 }
 
 /// Flies what is aboard; the truth while in AUTO.MISSION, ten times a second.
-fn flown(rig: &mut Rig, height_m: f64) -> Vec<Position> {
+pub(super) fn flown(rig: &mut Rig, height_m: f64) -> Vec<Position> {
     rig.take_off(height_m);
     // A launch that is not over yet would pass the first waypoint too low, and miss it.
     assert!(rig.until(10.0, |rig| rig.truth().mode == Px4::Loiter));
@@ -257,10 +257,11 @@ fn flown(rig: &mut Rig, height_m: f64) -> Vec<Position> {
             at.longitude_deg,
             at.altitude_m - ground_m,
         ));
-        if truth.mode != Px4::Mission && track.len() > left + 20 {
+        let flies = matches!(truth.mode, Px4::Mission | Px4::Offboard);
+        if !flies && track.len() > left + 20 {
             return track;
         }
-        if truth.mode == Px4::Mission {
+        if flies {
             left = track.len();
         }
     }
@@ -318,7 +319,7 @@ fn twelve_routes_are_flown_within_the_predicted_deviation_past_every_point_at_5_
     }
 }
 
-fn numbers(rig: &Rig) -> Option<(u16, u16, u16)> {
+pub(super) fn numbers(rig: &Rig) -> Option<(u16, u16, u16)> {
     rig.station()
         .last(vehicle_id(0), 4001, |message| match message {
             Message::FromToNextWaypointStates(states) => Some((
@@ -330,7 +331,7 @@ fn numbers(rig: &Rig) -> Option<(u16, u16, u16)> {
         })
 }
 
-fn two_bends() -> Vec<Curve> {
+pub(super) fn two_bends() -> Vec<Curve> {
     routes().remove(5).1
 }
 
@@ -528,7 +529,7 @@ fn too_few_items_are_kept_with_the_smallest_tolerance_reported_at_load() {
 }
 
 /// On wings: 200 m straight to the north, a half circle to the right, and 150 m straight back.
-fn half_circle(radius_m: f64) -> Vec<Curve> {
+pub(super) fn half_circle(radius_m: f64) -> Vec<Curve> {
     const H: f64 = 60.0;
     let (r, arm) = (radius_m, 0.552_284_75 * radius_m);
     let line = |from: (f64, f64), to: (f64, f64)| {
@@ -560,7 +561,7 @@ fn half_circle(radius_m: f64) -> Vec<Curve> {
 }
 
 /// The same at 15 m/s as a plan, and a straight leg after it: at the end of a route wings begin their loiter early.
-fn wing_plan(curves: &[Curve]) -> Vec<Message> {
+pub(super) fn wing_plan(curves: &[Curve]) -> Vec<Message> {
     let mut plan = plan(curves, 15.0);
     let (last, beyond) = (number(curves.len()), number(curves.len() + 1));
     for message in &mut plan {
@@ -575,7 +576,7 @@ fn wing_plan(curves: &[Curve]) -> Vec<Message> {
     plan
 }
 
-fn winged(curve_keys: &'static str) -> Setup {
+pub(super) fn winged(curve_keys: &'static str) -> Setup {
     Setup {
         vehicles: vec![Config {
             airframe: Airframe::Plane,

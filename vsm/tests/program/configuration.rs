@@ -394,7 +394,7 @@ fn the_reference_names_every_key() {
     let reference = include_str!("../../../docs/reference/configuration.md");
     let keys = "dli.vsm_id dli.listen dli.multicast dli.interface dli.provisional cucs.id cucs.loi cucs.address \
                 cucs.override vehicle.id vehicle.link vehicle.system_id vehicle.tail_number vehicle.signing vehicle.signing.exchange vehicle.signing.agent vehicle.signing.rotate_days \
-                vehicle.link_id vehicle.agl vehicle.curve.tolerance_m vehicle.curve.max_items vehicle.curve.policy vehicle.curve.wind_m_s \
+                vehicle.link_id vehicle.agl vehicle.curve.tolerance_m vehicle.curve.max_items vehicle.curve.policy vehicle.curve.wind_m_s vehicle.curve.mode \
                 vehicle.limits.first_m vehicle.limits.leg_m vehicle.limits.lowest_m vehicle.limits.below_home vehicle.limits.highest_m \
                 vehicle.limits.speed_m_s store.dir http.listen authority.warn_s authority.offer_s authority.act_s \
                 authority.on_loss mavlink.system_id mavlink.component_id record.dir record.max_mb";

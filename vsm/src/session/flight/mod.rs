@@ -7,6 +7,7 @@
 //!   for fixed wings. `situation`: the input of that decision
 //! - `running`: the maneuver in progress
 //! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
+//! - `curve_stream`: curves of a mission flown by set points, where that is configured; `streamed`: what it reads and commands
 //! - `settings` (2017, altimeter), `engine` (2008)
 //! - [`contingency`](crate::session::contingency): actions for faults of the vehicle, and their priority, also over the loss
 //!   action; `provision`: contingencies set by 50023
@@ -14,6 +15,7 @@
 //!   pilot nor a failsafe has the vehicle
 
 mod by_itself;
+mod curve_stream;
 mod engine;
 mod loss_action;
 mod mode_command;
@@ -23,6 +25,7 @@ mod settings;
 mod situation;
 mod steering;
 mod sticks;
+mod streamed;
 #[cfg(test)]
 mod tests;
 mod watched;
@@ -47,6 +50,7 @@ use stanag_msgs::messages::{
     EngineCommand, LoiterConfiguration, UaStickCommand, VehicleOperatingModeCommand,
 };
 
+use self::curve_stream::CurveStream;
 use self::loss_action::LossAction;
 use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
@@ -80,6 +84,7 @@ pub(crate) struct Flight {
     altimeter: Altimeter,
     sticks: Sticks,
     steering: Steering,
+    curve_stream: CurveStream,
     /// The last 2008.
     engine_command: Option<CommandedEngineState>,
     loss_action: LossAction,
@@ -182,6 +187,7 @@ impl Flight {
     pub(crate) fn view(&self) -> FlightView<'_> {
         FlightView {
             maneuver: self.maneuver.is_some(),
+            streams_curve: self.curve_stream.is_flown(),
             loss_action: self.loss_action.is_active(),
             contingency: self.contingencies.stands(),
             item_unknown_until: self.item_unknown_until(),
@@ -313,6 +319,7 @@ impl Flight {
                 self.sticks.forget();
                 self.sticks.release();
                 self.steering.release();
+                self.stream_curve(context, curve_stream::Input::Release, effects);
             }
             Input::CommandEnded(event) => {
                 let (now, vehicle) = (context.mono(), context.vehicle);
@@ -353,6 +360,7 @@ impl Flight {
                 // Streams before modes: PX4 rejects POSCTL without sticks and OFFBOARD without set points.
                 self.stream_sticks(context, effects);
                 self.stream_set_points(context, effects);
+                self.stream_curve(context, curve_stream::Input::Advance, effects);
                 self.give_way(context, effects);
                 self.advance(context, effects);
             }
@@ -376,6 +384,7 @@ impl Flight {
             self.look.as_ref().and_then(|(_, seen)| seen.poll_timeout()),
             self.sticks.poll_timeout(),
             self.steering.poll_timeout(),
+            self.curve_stream.poll_timeout(),
             // A blocked action is not due either, for the same reason.
             match self.turn() {
                 Turn::Nobody => None,

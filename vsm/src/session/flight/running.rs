@@ -12,7 +12,7 @@ use mapping::report::{self, Commanded};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
-use super::{Context, Flight, select};
+use super::{Context, Flight, curve_stream, select};
 use crate::config::OnLoss;
 use crate::session::context::Origin;
 use crate::session::effects::{Effects, Request};
@@ -32,6 +32,7 @@ impl Flight {
             let config = self.contingencies.config(&context.config.contingency);
             self.contingencies.overridden(&config, effects);
         }
+        self.stream_curve(context, curve_stream::Input::Superseded, effects);
         self.supersede(context, origin, effects);
         self.maneuver = Some((origin, maneuver));
     }

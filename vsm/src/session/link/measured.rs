@@ -50,6 +50,11 @@ impl Measured {
         self.had_position
     }
 
+    /// When the reported position was measured.
+    pub(crate) fn position(&self) -> Option<Duration> {
+        self.position
+    }
+
     /// The vehicle is received again: values from before its silence are soon reported again, or forgotten.
     pub(super) fn begin_again(&mut self, now: Duration) {
         for at in self.arrived.iter_mut().flatten() {

@@ -260,7 +260,8 @@ impl Mission {
             Input::WatchProgress => {
                 let uploaded = store.uploaded.as_ref();
                 if let Some(uploaded) = uploaded {
-                    progress.look(&uploaded.compiled, telemetry);
+                    let streamed = context.flight.streams_curve;
+                    progress.look(&uploaded.compiled, telemetry, streamed);
                 }
                 let transferring = transfers.is_running();
                 watchdog.watch(context, uploaded, transferring, effects);

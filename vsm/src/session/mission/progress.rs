@@ -51,8 +51,9 @@ impl RouteProgress {
         self.begun || !self.witnessed
     }
 
-    /// Updates from the vehicle's present report.
-    pub(crate) fn look(&mut self, compiled: &CompiledMission, vehicle: &Telemetry) {
+    /// Updates from the vehicle's present report. `streamed`: it follows a curve of the route in OFFBOARD, where PX4 reports no
+    /// item as reached; the VSM then sets the current item as the curve passes it.
+    pub(crate) fn look(&mut self, compiled: &CompiledMission, vehicle: &Telemetry, streamed: bool) {
         let Some(mission) = vehicle.mission else {
             return;
         };
@@ -65,6 +66,10 @@ impl RouteProgress {
             // A restart of the route after its end is not a lap.
             if led_back && self.begun && mission.state != MissionState::MISSION_STATE_COMPLETE {
                 self.laps = self.laps.saturating_add(1);
+            }
+            if streamed && self.to.is_some_and(|before| to == Some(before + 1)) {
+                self.from = self.to;
+                self.witnessed = true;
             }
             // MISSION_ITEM_REACHED may arrive before MISSION_CURRENT changes: only now is the waypoint passed.
             if self.arrived.is_some() && self.arrived != to {

@@ -418,6 +418,8 @@ pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMissi
             waypoint_of: record.waypoint_of,
             order,
             curved: record.curved,
+            // Not kept: after a restart curves are flown as chords, until the route is loaded again.
+            streamed: Vec::new(),
             // The operator got these when the route was loaded.
             notes: Vec::new(),
         },

@@ -7,7 +7,7 @@ use std::time::Duration;
 use mapping::altitude::Level;
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
-use mapping::route::{CompiledMission, Site};
+use mapping::route::{CompiledMission, Site, stream_permitted};
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::command;
 use mavlink_link::service::mission::{self, MavMissionType};
@@ -562,6 +562,11 @@ impl Transfers {
         }
         for note in &compiled.notes {
             effects.advise(note);
+        }
+        if !compiled.streamed.is_empty()
+            && let Err(why) = stream_permitted(context.parameters.values)
+        {
+            effects.advise(format!("curves are flown as chords, not streamed: {why}"));
         }
         // PX4 ignores an upload of the plan that it already holds, so the progress along the same items stays valid.
         let before = store.uploaded.as_ref();
