@@ -18,12 +18,12 @@
 //! | | then |
 //! |---|---|
 //! | the vehicle is further from the curve than its tolerance and [`OVER_M`], or behind | the mission, from the chord ahead |
-//! | no position for [`UNWATCHED`]: nobody would see it leave the curve | the mission, from the chord ahead |
+//! | no position for [`UNWATCHED`], and yet its mode: nobody would see it leave the curve | the mission, from the chord ahead |
 //! | another route is being loaded, or the vehicle reports another mission | hold |
 //! | a 2016, the loss action, a contingency | what it commands; set points continue until the vehicle has left OFFBOARD |
 //! | a flight termination | set points end |
 //! | a pilot, a failsafe: another mode | set points end |
-//! | no report of the mode for [`LONGEST_BLIND`] | set points end: PX4 holds, returns or lands (COM_OBL_RC_ACT) |
+//! | no report of the mode for [`UNWATCHED`] | set points end: PX4 holds, returns or lands (COM_OBL_RC_ACT) |
 //! | the bridge stops, or the link to the vehicle fails | the same, after COM_OF_LOSS_T; a restarted bridge streams nothing |
 //!
 //! `way`: the track of a run, and the set points along it; `gap`: what is done about a vehicle that is beside it or behind.
@@ -315,7 +315,7 @@ impl Flown {
     ) -> (Option<Order>, bool) {
         let now = context.now;
         let blind = context.mode_at.map(|at| now.saturating_sub(at));
-        if blind.is_none_or(|blind| blind > LONGEST_BLIND) {
+        if blind.is_none_or(|blind| blind > UNWATCHED) {
             effects.warn_of_link(
                 "no data from the vehicle: the set points of its curve end, and PX4 acts by COM_OBL_RC_ACT",
             );
@@ -587,10 +587,10 @@ fn here(context: &StreamContext<'_>) -> Option<Position> {
 
 /// Metres over the tolerance at which the vehicle is handed back.
 const OVER_M: f64 = 0.3;
-/// Without a position for this long it is handed back: they come at 5 Hz.
+/// Without a position for this long it is handed back. Without a report of its mode the set points end: PX4 may have taken
+/// them for lost meanwhile, where this computer or the link had stopped, and what its failsafe flies is not to be commanded away
+/// by an older state. Both come at 5 Hz.
 const UNWATCHED: Duration = Duration::from_secs(2);
-/// As for steering (mode 15).
-const LONGEST_BLIND: Duration = Duration::from_secs(10);
 /// The vehicle may still receive a given-up command within this time.
 const ON_ITS_WAY: Duration = Duration::from_secs(2);
 /// A vehicle that nothing else takes out of OFFBOARD is put on hold: longer than a maneuver lasts.

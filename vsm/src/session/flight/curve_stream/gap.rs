@@ -18,6 +18,8 @@ pub(super) struct Gap {
     /// To the right of the track, and behind on it, m.
     right_m: f64,
     pub(super) late_m: f64,
+    /// How fast the gap to the right grows, m/s.
+    drift_mps: f64,
     /// By how much the set points are moved to the right, m.
     moved_m: f64,
     at: Option<Duration>,
@@ -30,19 +32,27 @@ impl Gap {
         let span_s = before.map_or(0.0, |before| at.saturating_sub(before).as_secs_f64());
         self.moved_m -= MOVES_PER_S * right_m * span_s.min(1.0);
         self.moved_m = self.moved_m.clamp(-MOVED_M, MOVED_M);
+        if span_s > 0.0 {
+            // Two positions may be stamped closer than they were measured.
+            let drift_mps = (right_m - self.right_m) / span_s;
+            self.drift_mps = drift_mps.clamp(-DRIFTS_MPS, DRIFTS_MPS);
+        }
         (self.right_m, self.late_m) = (right_m, late_m);
     }
 
     /// The part of its speed that a vehicle with this gap should have.
     pub(super) fn pace(&self, tolerance_m: f64, speed_mps: f64) -> f64 {
-        let beside = self.right_m.abs() / (BESIDE_PART * (tolerance_m + OVER_M));
+        // Where it will be soon: a vehicle needs seconds to slow down.
+        let right_m = self.right_m + SOON_S * self.drift_mps;
+        let beside = right_m.abs() / (BESIDE_PART * (tolerance_m + OVER_M));
         let behind = (self.late_m - BEHIND_M).max(0.0) / (BEHIND_M + BEHIND_S * speed_mps);
         (1.6 - 0.6 * beside.max(behind)).clamp(SLOWEST_PART, 1.0)
     }
 
     /// The place to command for the vehicle to be at this one.
     pub(super) fn correct(&self, along: Along) -> Along {
-        let aside = right(along.forward) * (self.moved_m - BACK_PART * self.right_m);
+        let back_m = BACK_PART * self.right_m + BACK_S * self.drift_mps;
+        let aside = right(along.forward) * (self.moved_m - back_m);
         Along {
             position: shifted(along.position, aside),
             ..along
@@ -56,11 +66,14 @@ pub(super) fn right(forward: Vec3) -> Vec3 {
 }
 
 /// By this part of a gap to one side the set points move to the other within a second, up to `MOVED_M`, and by this at once.
-const MOVES_PER_S: f64 = 0.6;
+const MOVES_PER_S: f64 = 0.7;
 const BACK_PART: f64 = 0.5;
+const BACK_S: f64 = 0.3;
+const SOON_S: f64 = 0.8;
+const DRIFTS_MPS: f64 = 2.0;
 const MOVED_M: f64 = 3.0;
 /// A vehicle that is further to a side than this part of what ends the stream, or behind by more than these, is waited for.
-const BESIDE_PART: f64 = 0.4;
+const BESIDE_PART: f64 = 0.35;
 const BEHIND_M: f64 = 0.5;
 const BEHIND_S: f64 = 0.2;
 const SLOWEST_PART: f64 = 0.3;

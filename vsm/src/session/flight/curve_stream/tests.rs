@@ -70,6 +70,8 @@ struct Scene {
     velocity: [f64; 3],
     /// When the last position was measured; `None`: now.
     stale: Option<Duration>,
+    /// When its mode was reported last; `None`: now.
+    silent_since: Option<Duration>,
     maneuver: bool,
     transferring: bool,
     parameters: Parameters,
@@ -94,6 +96,7 @@ impl Scene {
             at: Position::new(lat, lon, HOME.amsl_m + HEIGHT_M),
             velocity: [5.0, 0.0, 0.0],
             stale: None,
+            silent_since: None,
             maneuver: false,
             transferring: false,
             parameters,
@@ -118,7 +121,7 @@ impl Scene {
             now,
             system: 1,
             mode: Some(self.mode),
-            mode_at: Some(now),
+            mode_at: Some(self.silent_since.unwrap_or(now)),
             position: Some((
                 Place {
                     latitude: self.at.lat_deg,
@@ -297,6 +300,19 @@ fn a_vehicle_beside_its_curve_or_unseen_is_handed_back_with_the_chord_ahead() {
         assert!(scene.alerts().contains("no longer streamed"));
         assert_eq!(scene.sent, 1, "set points last until the mode is left");
     }
+}
+
+/// As where this process was stopped: PX4 holds by then, and a command would take it out of that.
+#[test]
+fn a_vehicle_without_a_report_for_two_seconds_is_commanded_nothing() {
+    let mut scene = Scene::streaming();
+    let now = scene.world.now.mono;
+    (scene.stale, scene.silent_since) = (Some(now), Some(now));
+    scene.world.advance(Duration::from_secs(4));
+    scene.run(0.1);
+    assert_eq!(scene.orders, [Order::Enter]);
+    assert!(!scene.stream.is_flown() && scene.sent == 0);
+    assert!(scene.alerts().contains("the set points of its curve end"));
 }
 
 #[test]
