@@ -285,8 +285,11 @@ fn altitude(number: u32) -> String {
 }
 
 /// The altitudes of orders, in turn: home is at 488 m.
+///
+/// Orders that follow each other are metres apart: a vehicle whose set point is within a metre of a commanded altitude shows it,
+/// and the command counts as carried out even where every frame of it was lost.
 pub(super) fn nth_altitude(number: u16) -> f32 {
-    520.0 + f32::from(number) / 5.0
+    520.0 + f32::from(number * 37 % ALTITUDES) / 5.0
 }
 
 /// After that many an altitude is commanded again.
@@ -294,3 +297,20 @@ pub(super) const ALTITUDES: u16 = 400;
 const BOOT: Duration = Duration::from_secs(60);
 /// Longer than `cucs` waits for anything.
 const WITHIN: Duration = Duration::from_secs(75);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_altitudes_are_the_same_and_those_in_turn_are_far_apart() {
+        let all: Vec<_> = (0..ALTITUDES).map(nth_altitude).collect();
+        let mut sorted = all.clone();
+        sorted.sort_by(f32::total_cmp);
+        assert!(sorted.windows(2).all(|two| two[1] - two[0] > 0.1));
+        for apart in 1..4 {
+            let mut pairs = all.iter().zip(&all[apart..]);
+            assert!(pairs.all(|(one, other)| (one - other).abs() > 5.0));
+        }
+    }
+}
