@@ -3,7 +3,8 @@
 //! A change that must survive a power cut is written at once, so that a full or read-only disk refuses it at once. A
 //! separate thread makes it durable: `disk-writer` synchronises, renames and synchronises the folder, once for all changes
 //! that have gathered meanwhile (a group commit). [`Disk::progress`] reports how far it is, and the bridge holds back what
-//! depends on it until then. A change that must survive only the end of the process is written as by [`FileDisk`].
+//! depends on it until then. A change that must survive only the end of the process is written as by [`FileDisk`], unless the
+//! store is shared with other nodes: they do not see this folder.
 //!
 //! The ceilings of signing clocks have their own thread: a link must not fall silent because another part has much to
 //! write. Once known, they are read from memory, since each new one is compared with the one before.
@@ -311,19 +312,14 @@ impl QueuedDisk {
         }
     }
 
-    /// Has a thread store elsewhere what this process would find again by itself.
-    fn share(&mut self, name: &str) {
-        let lane = lane_of(name);
-        self.lanes[lane].next.names.insert(name.to_owned());
-        self.queue(name);
-        self.start(lane);
-    }
-
     /// Has a log stored elsewhere as it is, if a thread could not synchronise it and it is not written whole. Until then
     /// the thread tries nothing again that it was given before.
     fn share_again(&mut self, name: &str) {
         if self.disk.system().is_shared() {
-            self.share(name);
+            let lane = lane_of(name);
+            self.lanes[lane].next.names.insert(name.to_owned());
+            self.queue(name);
+            self.start(lane);
         }
     }
 
@@ -368,13 +364,12 @@ impl Disk for QueuedDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        // A write that follows a queued record must be queued too: otherwise the queued one would overwrite it.
-        if durability == Durability::Process && !self.waiting.contains_key(name) {
+        // A write that follows a queued record must be queued too: otherwise the queued one would overwrite it. So must every
+        // write of a shared store: a file that is in the folder is stored with the next one, perhaps before the line of its
+        // log, and the node that takes over in between would find a change without its line.
+        let shared = self.disk.system().is_shared();
+        if durability == Durability::Process && !shared && !self.waiting.contains_key(name) {
             self.ceilings.get_mut().remove(name);
-            let shared = self.disk.system().is_shared();
-            if shared {
-                self.check(name)?;
-            }
             self.disk.replace(name, bytes, durability)?;
             // The end of a replaced log does not belong to the new one.
             self.tails.remove(name);
@@ -382,9 +377,6 @@ impl Disk for QueuedDisk {
                 .next
                 .logs
                 .retain(|log| log.name != name);
-            if shared {
-                self.share(name);
-            }
             return Ok(());
         }
         self.check(name)?;

@@ -97,6 +97,8 @@ struct Platter {
     /// Synchronisations of files fail, or those of the folder.
     files_fail: bool,
     folder_fails: bool,
+    /// Other nodes begin with what is stored.
+    shared: bool,
     /// By inode: up to where memory counts as written, and what was.
     files: HashMap<u64, (usize, Vec<u8>)>,
     names: BTreeMap<OsString, u64>,
@@ -182,6 +184,10 @@ impl FileSystem for Forgetful {
     fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
         NativeFileSystem.read(path, most)
     }
+
+    fn is_shared(&self) -> bool {
+        self.0.lock().unwrap().shared
+    }
 }
 
 fn on(folder: &Path, system: &Forgetful) -> QueuedDisk {
@@ -265,6 +271,32 @@ fn a_log_that_could_not_be_synchronised_is_written_whole_before_its_lines_count(
         Progress::Durable
     );
     assert_eq!(system.left("audit-1.log").unwrap(), b"1\n2\n3\n4\n5\n6\n");
+}
+
+#[test]
+fn a_record_of_a_shared_store_waits_for_the_line_of_its_log_whatever_it_must_survive() {
+    let (folder, system) = (tempfile::tempdir().unwrap(), Forgetful::default());
+    system.set(|platter| platter.shared = true);
+    let mut disk = on(&folder.path().join("state"), &system);
+    let first = line("audit-1.log", "1\n");
+    assert_eq!(outcome(&mut disk, first), Progress::Durable);
+
+    system.set(|platter| platter.files_fail = true);
+    // As a right to monitor is stored: its loss commands nothing.
+    disk.append("audit-1.log", b"2\n", Durability::Process)
+        .unwrap();
+    disk.replace("authority-1.json", b"of 2", Durability::Process)
+        .unwrap();
+    // Whatever is stored next would take it along, and another node would find it without its line.
+    let record = folder.path().join("state/authority-1.json");
+    assert!(!record.exists());
+    let read = disk.read("authority-1.json", 100).unwrap().unwrap();
+    assert_eq!(read.as_slice(), b"of 2", "this process reads it");
+
+    system.set(|platter| platter.files_fail = false);
+    heal(&mut disk);
+    assert_eq!(system.left("audit-1.log").unwrap(), b"1\n2\n");
+    assert_eq!(system.left("authority-1.json").unwrap(), b"of 2");
 }
 
 #[test]
