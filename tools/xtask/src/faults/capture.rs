@@ -51,7 +51,7 @@ impl Captures {
             // Links of the nodes have the number of the vehicle in their port.
             if let Some(vehicle) = datagram.from_port.checked_sub(FIRST_PORT) {
                 let mut wire = locked(&of_vehicles);
-                wire.to_vehicle(at, node, vehicle.into(), datagram.payload);
+                wire.note_frame(at, node, vehicle.into(), datagram.payload);
                 wire.last = Some((datagram.to_port, datagram.payload.to_vec()));
             }
         };
@@ -69,7 +69,7 @@ impl Captures {
             if datagram.to_port != GROUP_PORT {
                 return;
             }
-            locked(&of_stations).to_stations(at, node);
+            locked(&of_stations).note_report(at, node);
             let hex: String = datagram
                 .payload
                 .iter()

@@ -52,6 +52,7 @@ pub(super) fn one(
     let vehicle = dice.below(world.vehicles);
     let draw = [Draw::Altitude, Draw::Altitude, Draw::Plan, Draw::Right][dice.below(4)];
     let fenced = fenced(&locked(&world.wire));
+    let broken = world.computers.broken_audit_logs();
     locked(&world.wire).begin();
     stations.current.iter_mut().for_each(Vec::clear);
     let work = stations.draw(draw, vehicle);
@@ -81,6 +82,9 @@ pub(super) fn one(
 
     let mut wire = locked(&world.wire);
     violations.append(&mut wire.violations);
+    let after = world.computers.broken_audit_logs();
+    let audits = after.difference(&broken);
+    violations.extend(audits.map(|log| format!("an audit log lost a line: {log}")));
     violations.extend(owners(&wire, owner, epoch - before.1));
     let mut repeated = false;
     violations.extend(late_orders(&wire, &stations.current));

@@ -77,7 +77,7 @@ impl Wire {
     }
 
     /// A datagram of a node to a vehicle.
-    pub(super) fn to_vehicle(&mut self, at: Instant, node: usize, number: usize, bytes: &[u8]) {
+    pub(super) fn note_frame(&mut self, at: Instant, node: usize, number: usize, bytes: &[u8]) {
         let Some(vehicle) = self.vehicles.get_mut(number) else {
             return;
         };
@@ -100,7 +100,7 @@ impl Wire {
     }
 
     /// A datagram of a node to stations.
-    pub(super) fn to_stations(&mut self, at: Instant, node: usize) {
+    pub(super) fn note_report(&mut self, at: Instant, node: usize) {
         let (_, last) = self.reports[node].get_or_insert((at, at));
         *last = at;
     }
@@ -227,7 +227,7 @@ mod tests {
     fn after(frames: &[(usize, Vec<u8>)]) -> Wire {
         let mut wire = Wire::new(1);
         for (node, bytes) in frames {
-            wire.to_vehicle(Instant::now(), *node, 0, bytes);
+            wire.note_frame(Instant::now(), *node, 0, bytes);
         }
         wire
     }

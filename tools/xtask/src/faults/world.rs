@@ -2,6 +2,7 @@
 //! people and other programs do around them: a service manager that starts nodes again, and an address that follows the
 //! node that serves.
 
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::fs;
@@ -315,6 +316,19 @@ impl Computers {
     pub(super) fn node_id(&self, node: usize) -> Result<u32> {
         let node = self.node(node);
         Ok(node.running.as_ref().context("no such node runs")?.id())
+    }
+
+    /// What the nodes have reported of audit logs that are not as they were left: the next owner reads and verifies them.
+    pub(super) fn broken_audit_logs(&self) -> BTreeSet<String> {
+        let logs = (0..NODES).map(|node| fs::read_to_string(self.log(&format!("n{node}"))));
+        let mut broken = BTreeSet::new();
+        for log in logs.map_while(Result::ok) {
+            let reports = log
+                .lines()
+                .filter_map(|line| line.split_once("the audit log "));
+            broken.extend(reports.map(|(_, what)| what.to_owned()));
+        }
+        broken
     }
 
     /// Runs `vsm fleet ...`: whether it succeeded, and what it printed.
