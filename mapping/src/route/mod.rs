@@ -40,7 +40,7 @@ pub use error::{CurveError, Reason, RouteError, TerrainError};
 pub(crate) use item::degrees_e7;
 pub use landing::complete;
 pub use mission::{CompiledMission, Curved, Leg};
-pub use stream::{StreamedLeg, StreamedRun, permitted as stream_permitted};
 pub use site::{Curving, FixedWing, Multicopter, Policy, Site, Vertices};
+pub use stream::{StreamedLeg, StreamedRun, permitted as stream_permitted};
 pub use terrain::check_way;
 pub use wings::{Pattern, Wings};

@@ -69,7 +69,8 @@ pub use value::{
     owner_name,
 };
 pub use vehicle::{
-    Agl, Area, Curve, CurveMode, CurvePolicy, CurveVertices, Keep, Landing, Limits, Outside, Vehicle,
+    Agl, Area, Curve, CurveMode, CurvePolicy, CurveVertices, Keep, Landing, Limits, Outside,
+    Vehicle,
 };
 pub use web::{Http, Web};
 pub use zeroize::Zeroize;
