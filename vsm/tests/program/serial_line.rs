@@ -83,7 +83,7 @@ fn wait_for(processes: &mut Processes, what: &str, so: impl Fn(&Processes) -> bo
 fn take_off(processes: &mut Processes) {
     // The first may come before the vehicle can arm, or before it has reported its home.
     let launched = (0..8).any(|_| {
-        let ticket = processes.give(orders::launch(HEIGHT_M));
+        let ticket = processes.give(orders::launch(HEIGHT_M).into());
         let launched = processes.ended(ticket) == Some(AckType::CarriedOut);
         if !launched {
             processes.pass(2.0);
