@@ -6,48 +6,17 @@
 
 use std::ops::RangeInclusive;
 
-use curve_paths::{BezierLeg, Ground};
+use curve_paths::Ground;
 use mavlink_link::service::mission::Item;
 
 use super::curve;
 use super::item::{DO_CHANGE_SPEED, DO_JUMP, NAV_WAYPOINT, degrees_e7};
-use super::mission::{CompiledMission, Leg};
+use super::mission::{CompiledMission, Leg, StreamedLeg, StreamedRun};
 use super::site::Site;
 use super::waypoint;
 use crate::altitude::Level;
 use crate::parameter::Parameters;
 use crate::plan::{Curve, Plan};
-
-/// Curved legs, one after the other, that are streamed together.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StreamedRun {
-    /// The item of the first P1: while it is flown to, the stream may begin.
-    pub entry: u16,
-    /// The legs, in flying order.
-    pub legs: Vec<StreamedLeg>,
-    /// The item from which the mission continues.
-    pub resume: u16,
-    /// Where that item leads: the vehicle passes the last P4 on its way there. `None`: it stops at the last P4, whose item
-    /// the mission then completes.
-    pub exit: Option<(Ground, Level)>,
-}
-
-/// A curved leg that is streamed.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StreamedLeg {
-    /// P1 and P4, by the CUCS's numbers.
-    pub ends: (u16, u16),
-    /// The curve, its altitudes in the reference that `above_home` names.
-    pub curve: BezierLeg,
-    /// Its altitudes are heights above home; otherwise above mean sea level.
-    pub above_home: bool,
-    /// Commanded speed, m/s.
-    pub speed_m_s: f64,
-    /// Its chords' ends without P1 and P4, and the item that follows each.
-    pub vertices: Vec<(Ground, u16)>,
-    /// The item of P4.
-    pub end: u16,
-}
 
 /// The runs of a mission, and why the other curves are flown as chords.
 pub(super) fn runs(
