@@ -170,10 +170,10 @@ fn arrival(compiled: &CompiledMission, leg: &Leg) -> Option<usize> {
     let place = (degrees_e7(leg.latitude), degrees_e7(leg.longitude));
     let items = compiled.items.iter().zip(&compiled.waypoint_of);
     // The last: a curve may pass its end before.
-    let here = items.enumerate().filter(|(_, (item, number))| {
+    let mut here = items.enumerate().filter(|(_, (item, number))| {
         **number == leg.number && item.is_flown_to() && (item.x, item.y) == place
     });
-    here.last().map(|(at, _)| at)
+    here.next_back().map(|(at, _)| at)
 }
 
 /// Whether the vehicle flies through the item; a stop that PX4 needs to find it is none of the route's.

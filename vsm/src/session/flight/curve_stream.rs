@@ -40,7 +40,7 @@ use mapping::parameter::Parameters;
 use mapping::route::{Curving, StreamedRun, stream_permitted};
 use mapping::telemetry::{MissionProgress, Place};
 
-use self::gap::{Gap, right};
+use self::gap::{Gap, OVER_M, right};
 use self::way::{base_m, legs, marks, moved, raised, set_point};
 use crate::session::effects::Effects;
 
@@ -585,8 +585,6 @@ fn here(context: &StreamContext<'_>) -> Option<Position> {
     Some(moved(place, context.velocity?, age.as_secs_f64()))
 }
 
-/// Metres over the tolerance at which the vehicle is handed back.
-const OVER_M: f64 = 0.3;
 /// Without a position for this long it is handed back. Without a report of its mode the set points end: PX4 may have taken
 /// them for lost meanwhile, where this computer or the link had stopped, and what its failsafe flies is not to be commanded away
 /// by an older state. Both come at 5 Hz.

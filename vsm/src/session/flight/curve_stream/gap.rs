@@ -9,7 +9,6 @@ use std::time::Duration;
 use curve_paths::flight::Along;
 use curve_paths::vector::Vec3;
 
-use super::OVER_M;
 use super::way::shifted;
 
 /// The gap, and the correction so far.
@@ -77,6 +76,8 @@ const BESIDE_PART: f64 = 0.35;
 const BEHIND_M: f64 = 0.5;
 const BEHIND_S: f64 = 0.2;
 const SLOWEST_PART: f64 = 0.3;
+/// Metres over the tolerance at which the vehicle is handed back.
+pub(super) const OVER_M: f64 = 0.3;
 
 #[cfg(test)]
 mod tests {
