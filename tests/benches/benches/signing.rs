@@ -19,7 +19,7 @@ fn others(c: &mut Criterion) {
         c.bench_function(&format!("SHA-256 {bytes}"), |b| {
             b.iter(|| {
                 Sha256::new()
-                    .chain_update(&key)
+                    .chain_update(key)
                     .chain_update(black_box(signed))
                     .finalize()
             });
