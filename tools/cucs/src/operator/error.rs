@@ -125,7 +125,8 @@ impl OperatorError {
         match self {
             Self::Station(
                 StationError::Refused(Refused { reasons, .. })
-                | StationError::NotGranted { reasons, .. },
+                | StationError::NotGranted { reasons, .. }
+                | StationError::NotReleased { reasons, .. },
             ) => reasons,
             _ => &[],
         }

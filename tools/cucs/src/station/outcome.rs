@@ -153,6 +153,19 @@ pub enum StationError {
         /// The texts of the 16000s that came with the answer.
         reasons: Vec<String>,
     },
+    /// A release has left rights.
+    #[error(
+        "vehicle {vehicle}: release requested, LOI {} still held{}",
+        levels(*held), reasons_text(reasons)
+    )]
+    NotReleased {
+        /// The vehicle.
+        vehicle: Id,
+        /// What this CUCS still holds.
+        held: LoiBitmap,
+        /// The texts of the 16000s that came with the answer.
+        reasons: Vec<String>,
+    },
     /// A command was refused.
     #[error(transparent)]
     Refused(#[from] Refused),

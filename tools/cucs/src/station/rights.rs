@@ -145,8 +145,9 @@ impl Station {
     /// Releases all rights over a vehicle.
     ///
     /// # Errors
-    /// No VSM answers.
+    /// The VSM keeps them, as where it cannot store the release; or no VSM answers.
     pub async fn release(&mut self, vehicle: Id) -> Result<(), StationError> {
+        let mark = self.alert_mark(vehicle);
         let stations = StationBitmap1To16::NONE;
         self.authorise(
             vehicle,
@@ -154,7 +155,20 @@ impl Station {
             stations,
             RequestedAccess::Relinquish,
         )
-        .await
+        .await?;
+        let held = self
+            .vehicle(vehicle)
+            .map_or(LoiBitmap::NONE, Vehicle::granted);
+        if held == LoiBitmap::NONE {
+            return Ok(());
+        }
+        let what = "release (message 1)".to_owned();
+        let refused = self.refusal(vehicle, what, None, mark).await?;
+        Err(StationError::NotReleased {
+            vehicle,
+            held: refused.held,
+            reasons: refused.reasons,
+        })
     }
 
     /// Sends message 1 to a vehicle until it has answered with message 2.

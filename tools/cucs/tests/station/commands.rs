@@ -184,6 +184,28 @@ async fn a_refusal_names_the_waypoint_and_the_reason() {
 }
 
 #[tokio::test]
+async fn rights_that_a_release_leaves_are_an_error() {
+    let (mut station, socket) = pair().await;
+    let mut vsm = FakeVsm::new();
+    let levels = LoiBitmap::LOI2;
+    beside!(
+        vsm,
+        socket,
+        station.request(VEHICLE, levels, RequestedAccess::Request)
+    )
+    .unwrap();
+    vsm.keeps_rights = true;
+    let error = beside!(vsm, socket, station.release(VEHICLE)).unwrap_err();
+    let text = error.to_string();
+    assert!(
+        text.contains("release requested, LOI 2 (monitor) still held"),
+        "{text}"
+    );
+    vsm.keeps_rights = false;
+    beside!(vsm, socket, station.release(VEHICLE)).unwrap();
+}
+
+#[tokio::test]
 async fn rights_that_are_not_granted_are_an_error() {
     let (mut station, socket) = pair().await;
     let mut vsm = FakeVsm::new();

@@ -96,6 +96,8 @@ pub(crate) struct FakeVsm {
     pub(crate) refuse_load: Option<(u16, String)>,
     /// Refuses mode commands with this reason.
     pub(crate) refuse_mode: Option<String>,
+    /// Cannot store a release: the rights stay.
+    pub(crate) keeps_rights: bool,
     /// Sends no 17000 at all.
     pub(crate) mute: bool,
     /// Downloads leave these waypoints out the first time.
@@ -194,7 +196,9 @@ impl FakeVsm {
             Message::CucsAuthorisationRequest(request) => {
                 let requested = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
                 match request.requested_handover_access {
-                    Some(RequestedAccess::Relinquish) if request.vsm_id != Some(Id::BROADCAST) => {
+                    Some(RequestedAccess::Relinquish)
+                        if request.vsm_id != Some(Id::BROADCAST) && !self.keeps_rights =>
+                    {
                         self.granted = LoiBitmap::NONE;
                     }
                     Some(RequestedAccess::Request) => {
