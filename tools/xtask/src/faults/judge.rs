@@ -30,7 +30,7 @@ pub(super) struct Record {
     pub(super) repeated: bool,
     /// How long the earlier node still reported to stations beside the next one.
     pub(super) both_report: Duration,
-    /// Answers of the earlier node after the next one had begun to serve: "received" or "refused", since it can store nothing.
+    /// Answers of the earlier node after the next one had begun to serve: it can store nothing, and so mostly refuses.
     pub(super) late_answers: usize,
     /// The station has such a refusal for its result, and the next node carried the command out.
     pub(super) contradicted: bool,
@@ -115,20 +115,25 @@ pub(super) fn one(
             record.both_report = last.saturating_duration_since(begun);
         }
         let late = |answer: &&Answer| answer.node == before.0 && answer.at > begun + DECODED;
+        let runs = match work {
+            Work::Altitude(altitude) => wire.vehicles[vehicle].runs(altitude),
+            _ => Vec::new(),
+        };
+        // What it did before it stood still it may report later. Plans and rights are read back.
+        let did = runs
+            .iter()
+            .any(|run| run.node == before.0 && run.at < begun);
+        let commands = matches!(work, Work::Altitude(_));
         for answer in wire.answers.iter().filter(late) {
-            if answer.kind == CARRIED_OUT {
+            record.late_answers += 1;
+            if answer.kind == CARRIED_OUT && commands && !did {
                 record.violations.push(format!(
-                    "two owners: n{} reported a command as carried out after n{owner} had begun to serve",
+                    "two owners: n{} reported a command as carried out after n{owner} had begun to serve, and the vehicle had none of it",
                     before.0
                 ));
-            } else {
-                record.late_answers += 1;
             }
         }
-        let flown = match work {
-            Work::Altitude(altitude) => !wire.vehicles[vehicle].runs(altitude).is_empty(),
-            _ => false,
-        };
+        let flown = !runs.is_empty();
         record.contradicted = flown && !accepted && record.late_answers > 0;
     }
     Ok(record)

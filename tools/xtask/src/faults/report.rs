@@ -65,7 +65,7 @@ pub(super) fn markdown(run: &Run, records: &[Record]) -> Result<String> {
         text,
         "\nDuring the faults {altitudes} altitudes were commanded, {plans} plans sent and {rights} rights taken or released, {accepted} of them \
          accepted. {repeated} commands reached their vehicle from two nodes, the first one not answered. {fenced} frames of a node that was \
-         replaced reached vehicles, all below the stamps of the next one. {late} answers (received, or refused) came \
+         replaced reached vehicles, all below the stamps of the next one. {late} answers came \
          from a node after the next one had begun to serve, and such a node reported for {:.1} s more at most; {contradicted} commands were \
          refused by it and carried out by the next one.",
         both.as_secs_f64()
