@@ -256,7 +256,7 @@ fn a_curve_is_entered_near_its_first_point_and_handed_back_behind_its_last() {
 
 #[test]
 fn nothing_begins_without_what_must_be_known() {
-    let cases: [(&str, fn(&mut Scene)); 6] = [
+    let cases: [(&str, Happens); 6] = [
         ("COM_OBL_RC_ACT is 0", |scene| {
             scene.parameters.set("COM_OBL_RC_ACT", 0.0);
         }),
@@ -365,3 +365,6 @@ fn a_mode_that_is_not_entered_leaves_the_mission_to_its_chords() {
     scene.run(3.0);
     assert_eq!(scene.orders, [Order::Enter], "not once more");
 }
+
+/// What happens in a scene.
+type Happens = fn(&mut Scene);
