@@ -19,8 +19,8 @@ use kit::clock::wall;
 use kit::process::{free_udp_port, write_key};
 use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage};
 use mavlink_link::exchange::{
-    Agreed, Identity, Inbound, Node, Parties, PinnedPeer, Responder, ResponderConfig,
-    ResponderMemory, ResponderStore, StoreError, Wanted,
+    self, Agreed, Data, Identity, Inbound, Node, Parties, PinnedPeer, Responder, ResponderConfig,
+    ResponderMemory, ResponderStore, Status as ExchangeStatus, Step, StoreError, VERSION, Wanted,
 };
 use mavlink_link::frame::{
     FrameView, Header, INCOMPAT_SIGNED, KEY_EXCHANGE_ID, MAX_FRAME, encode, encode_raw,
@@ -512,6 +512,41 @@ fn forged_40000(world: &mut World, number: u64) {
     world.forged_bytes += length as u64;
 }
 
+/// A KEY_EXCHANGE for the ground, of any step, that nobody has made with a key or a code.
+fn forged_exchange(number: u64) -> Vec<u8> {
+    let mut public_key = [0x5a; 32];
+    public_key[..8].copy_from_slice(&number.to_be_bytes());
+    let steps = [Step::Please, Step::Offer, Step::Answer, Step::Confirm];
+    let step = steps[(number % 4) as usize];
+    let message = exchange::Message {
+        public_key,
+        session: if step == Step::Please {
+            0
+        } else {
+            number as u32 | 1
+        },
+        version: VERSION,
+        step,
+        suite: 1 + (number % 2) as u8,
+        status: ExchangeStatus::Ok,
+        target: Node {
+            system: 245,
+            component: 190,
+        },
+        data: Data::new(&[0x33; 104]).expect("it fits"),
+    };
+    let header = Header {
+        seq: number as u8,
+        system_id: AIR.system,
+        component_id: AIR.component,
+        message_id: KEY_EXCHANGE_ID,
+        ..Header::default()
+    };
+    let mut out = [0; MAX_FRAME];
+    let length = encode_raw(header, &message.to_payload(), &mut out).expect("it fits");
+    out[..length].to_vec()
+}
+
 /// One synchronisation. Whatever waits for the disk waits for two of them at least.
 const SYNC: Duration = Duration::from_millis(100);
 /// The most by which anyone's durable decisions delay the vehicle link or the controller.
@@ -573,6 +608,37 @@ fn a_flood_of_forged_requests_delays_neither_the_vehicle_nor_the_controller() {
     // In A's name they came from where A is not.
     let status = world.end();
     assert!(status.refused.get("unproven address") > 1_000);
+}
+
+#[test]
+fn messages_of_exchanges_from_forty_addresses_delay_neither_the_vehicle_nor_the_controller() {
+    let mut world = World::start_with(SYNC, "on");
+    world.commands = 20.0;
+    let crowd: Vec<UdpSocket> = (1..=40)
+        .map(|host| UdpSocket::bind(([127, 0, 1, host], 0)).expect("loopback has each address"))
+        .collect();
+    for (what, rate) in [
+        ("no attack", 1),
+        ("messages of exchanges from forty addresses, 4000/s", 4_000),
+    ] {
+        world.run(8.0, rate, |world, number| {
+            if rate > 1 {
+                let from = &crowd[number as usize % crowd.len()];
+                let _ = from.send_to(&forged_exchange(number), world.mavlink);
+            }
+        });
+        let (took, missing, heartbeats) = world.take_figures(what);
+        assert_eq!(missing, 0, "{what}");
+        assert!(took.len() >= 100, "{what}: {} answered", took.len());
+        let most = took[(took.len() - 1) * 9 / 10];
+        assert!(most < SYNC, "{what}: a tenth took over {most:?}");
+        assert!(
+            heartbeats < Duration::from_millis(1_800),
+            "{what}: {heartbeats:?}"
+        );
+        World::hold_the_promise(what, &took, heartbeats);
+    }
+    world.end();
 }
 
 #[test]
