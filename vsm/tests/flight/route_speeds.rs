@@ -63,18 +63,6 @@ fn a_jump_within_the_route_is_flown_at_the_speed_of_its_leg() {
 }
 
 #[test]
-fn a_jump_that_overtakes_another_is_flown_at_the_speed_of_its_own_leg() {
-    let mut rig = flying();
-    rig.done(orders::mode(Mode::Waypoint));
-    rig.done(to_waypoint(6));
-    assert_flown(&mut rig, 6.0);
-    // The first of them has not shown its mode yet, which the vehicle is in all the time.
-    rig.send(to_waypoint(5));
-    rig.done(to_waypoint(3));
-    assert_flown(&mut rig, 2.0);
-}
-
-#[test]
 fn a_route_is_entered_anywhere_at_the_speed_of_its_leg() {
     let mut rig = flying();
     rig.done(to_waypoint(6));

@@ -118,10 +118,8 @@ pub(super) fn fly(
     } else {
         at.commanded
     };
-    // PX4 repeats the route's speed on entering AUTO.MISSION, but not on a jump within it. While an earlier command is being
-    // carried out the vehicle may be in that mode already: then it is not entered again.
-    let activates = enters && at.settled_mode().is_some();
-    let jump = start.filter(|_| !activates && speed.is_none());
+    // PX4 repeats the route's speed on entering AUTO.MISSION, but not on a jump within it.
+    let jump = start.filter(|_| !enters && speed.is_none());
     if let Some((speed_m_s, over_ground)) = jump.and_then(|seq| uploaded.compiled.speed_before(seq))
     {
         steps.push(maneuver::change_speed(speed_m_s, over_ground));
