@@ -83,17 +83,13 @@ pub(super) fn fly(
     if enters || start.is_some() {
         check_way_to_route(uploaded, start, enters, at)?;
     }
-    // The operator may set a speed until the route's next change of speed. On the leg that is flown already it applies, and the
-    // mission watchdog holds a vehicle that misses its waypoint; the waypoints behind it are checked.
+    // The operator may set a speed until the route's next change of speed. It applies, and the mission watchdog holds a
+    // vehicle that misses its waypoint.
     let begins = enters || start.is_some();
-    if let Some(speed_m_s) = speed.filter(|_| at.wings.is_none()) {
+    if let Some(speed_m_s) = speed.filter(|_| begins && at.wings.is_none()) {
         let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
         let seq = seq.unwrap_or(0);
-        let (seq, level) = if begins {
-            (seq, Some(comes_level(uploaded, seq, enters, at)))
-        } else {
-            (uploaded.compiled.place_from(seq).saturating_add(1), None)
-        };
+        let level = Some(comes_level(uploaded, seq, enters, at));
         if let Some(number) = uploaded
             .compiled
             .missed_at(seq, level, speed_m_s, &at.performance)
