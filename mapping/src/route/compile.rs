@@ -177,23 +177,6 @@ impl<'a> Draft<'a> {
         since.rev().find(|item| item.command == DO_CHANGE_SPEED)
     }
 
-    /// The speed to set before a leg; `None` where the vehicle has it already, or the route names none.
-    ///
-    /// A curve has it from an item of its own, also where it takes over the speed of the leg before: what is proven of it holds at
-    /// that speed, and a 2016 may have commanded another one since.
-    fn speed_to_set(&self, leg: &Leg, before: Option<&Leg>) -> Option<Item> {
-        let site = self.site();
-        let curved = before.is_some_and(|from| {
-            let mut curves = self.plan.curves_from(from.number);
-            curves.any(|(to, _)| to == leg.number)
-        });
-        let sets = |item: &Item| item.command == DO_CHANGE_SPEED;
-        let inherits = curved && self.compiled.items.iter().any(sets);
-        let inherited = || inherits.then(|| self.compiled.speed_m_s(site));
-        let speed = change_speed(leg.speed_m_s.or_else(inherited)?, site.hovers());
-        (curved || self.speed_in_force() != Some(&speed)).then_some(speed)
-    }
-
     /// The vehicle in the state in which it flies the leg that is being added.
     fn site(&self) -> &Site<'a> {
         let hover = self.hover.as_ref().filter(|_| self.hovers);
@@ -230,8 +213,16 @@ impl<'a> Draft<'a> {
             self.rejoined_at = begun_at;
         }
         // Before the leg's own items: PX4 applies a speed to the leg it is on.
-        if let Some(speed) = self.speed_to_set(&leg, before.as_ref()) {
-            self.compiled.push(number, speed);
+        if let Some(speed_m_s) = leg.speed_m_s {
+            let speed = change_speed(speed_m_s, site.hovers());
+            // What is proven of a curve holds at its own speed, and a 2016 may have commanded another one since.
+            let curved = before.is_some_and(|from| {
+                let mut curves = plan.curves_from(from.number);
+                curves.any(|(to, _)| to == number)
+            });
+            if curved || self.speed_in_force() != Some(&speed) {
+                self.compiled.push(number, speed);
+            }
         }
         let height = waypoint::above_ground(waypoint, site);
         self.heights
