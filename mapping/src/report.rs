@@ -39,7 +39,7 @@ pub struct Commanded {
     pub speed_m_s: Option<f64>,
     /// Its reference.
     pub speed_type: Option<SpeedType>,
-    /// The leg of the route at the time of the command: a later leg may change the speed.
+    /// The leg of the route at the time of the command: a later leg may have its own speed.
     pub speed_leg: Option<usize>,
     /// Loiter position: degrees north and east.
     pub loiter_position: Option<(f64, f64)>,
@@ -403,18 +403,24 @@ fn commanded_speed(
         return by_2016;
     };
     // A speed of the route applies until the next one.
-    let legs = compiled.order.iter().take(at + 1);
-    let by_route = legs.rev().find_map(|leg| Some((leg.speed_m_s?, kind)));
-    match (by_2016, compiled.speed_set_by(at)) {
-        // Commanded on this leg or after the route's last change of speed, and the vehicle has not jumped back since.
-        (Some(own), Some(index))
+    let by_route = compiled
+        .order
+        .iter()
+        .enumerate()
+        .take(at + 1)
+        .filter_map(|(index, leg)| Some((index, leg.speed_m_s?)))
+        .next_back();
+    match (by_2016, by_route) {
+        // Commanded on this leg or after the route's own speed, and the vehicle has not jumped back since.
+        (Some(own), Some((index, _)))
             if commanded
                 .speed_leg
                 .is_some_and(|leg| (index..=at).contains(&leg)) =>
         {
             Some(own)
         }
-        (own, _) => by_route.or(own),
+        (_, Some((_, speed_m_s))) => Some((speed_m_s, kind)),
+        (own, None) => own,
     }
 }
 

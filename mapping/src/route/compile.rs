@@ -1,6 +1,6 @@
 //! Compiles a route waypoint by waypoint, in the order that they are flown.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use curve_paths::Position;
 use curve_paths::flight::MIN_ACCEPTANCE_M;
@@ -10,7 +10,7 @@ use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
 
 use super::clearance::{self, Slopes};
 use super::error::{Reason, RouteError};
-use super::item::{self, DO_CHANGE_SPEED, NAV_WAYPOINT, change_speed};
+use super::item::{self, NAV_WAYPOINT, change_speed};
 use super::mission::{CompiledMission, Leg};
 use super::site::{Curving, Site};
 use super::{brake, curve, loiter, stream, waypoint};
@@ -146,10 +146,6 @@ struct Draft<'a> {
     hovers: bool,
     /// Whether it hovers along the leg to each waypoint.
     hovered: BTreeMap<u16, bool>,
-    /// The waypoints that loops lead back to.
-    loop_starts: BTreeSet<u16>,
-    /// The first item of the latest of them.
-    rejoined_at: usize,
 }
 
 impl<'a> Draft<'a> {
@@ -165,16 +161,7 @@ impl<'a> Draft<'a> {
             hover: site.hovering(),
             hovers: false,
             hovered: BTreeMap::new(),
-            loop_starts: waypoint::loop_starts(plan),
-            rejoined_at: 0,
         }
-    }
-
-    /// The item that set the speed at which the next items are reached; `None` before the first, and from the start of a loop on,
-    /// which is reached at one speed from before it and perhaps at another from its end.
-    fn speed_in_force(&self) -> Option<&Item> {
-        let since = self.compiled.items.iter().skip(self.rejoined_at);
-        since.rev().find(|item| item.command == DO_CHANGE_SPEED)
     }
 
     /// The vehicle in the state in which it flies the leg that is being added.
@@ -209,20 +196,10 @@ impl<'a> Draft<'a> {
         let begun_at = self.compiled.items.len();
         // Before the speed: a sensor points where it must as soon as the leg begins.
         self.point(number, site).map_err(at)?;
-        if self.loop_starts.contains(&number) {
-            self.rejoined_at = begun_at;
-        }
         // Before the leg's own items: PX4 applies a speed to the leg it is on.
         if let Some(speed_m_s) = leg.speed_m_s {
-            let speed = change_speed(speed_m_s, site.hovers());
-            // What is proven of a curve holds at its own speed, and a 2016 may have commanded another one since.
-            let curved = before.is_some_and(|from| {
-                let mut curves = plan.curves_from(from.number);
-                curves.any(|(to, _)| to == number)
-            });
-            if curved || self.speed_in_force() != Some(&speed) {
-                self.compiled.push(number, speed);
-            }
+            self.compiled
+                .push(number, change_speed(speed_m_s, site.hovers()));
         }
         let height = waypoint::above_ground(waypoint, site);
         self.heights

@@ -195,5 +195,5 @@ pub(super) const VTOL_STATE_MC: f32 = 3.0;
 /// MAV_VTOL_STATE_FW.
 const VTOL_STATE_FW: f32 = 4.0;
 const SPEED_TYPE_AIR: f32 = 0.0;
-pub(super) const SPEED_TYPE_GROUND: f32 = 1.0;
+const SPEED_TYPE_GROUND: f32 = 1.0;
 const THROTTLE_UNCHANGED: f32 = -1.0;

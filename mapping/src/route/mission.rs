@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::brake;
 use super::error::{Reason, RouteError};
 use super::item::{
-    self, DO_CHANGE_SPEED, DO_JUMP, DO_LAND_START, DO_VTOL_TRANSITION, NAV_LAND, NAV_LOITER_UNLIM,
-    NAV_VTOL_LAND, VTOL_STATE_MC, degrees_e7,
+    self, DO_JUMP, DO_LAND_START, DO_VTOL_TRANSITION, NAV_LAND, NAV_LOITER_UNLIM, NAV_VTOL_LAND,
+    VTOL_STATE_MC, degrees_e7,
 };
 use super::site::Site;
 use crate::altitude::Level;
@@ -185,30 +185,6 @@ impl CompiledMission {
         let mut after = self.items.iter().zip(&self.waypoint_of).skip(at + 1);
         let more = after.any(|(item, of)| of == number && item.is_flown_to());
         (self.items.get(at)?.is_flown_to() && !more).then(|| self.leg_of_item(seq))?
-    }
-
-    /// The speed that the route has at this item and sets before it: m/s, and whether it is one over ground. A vehicle that jumps
-    /// there within AUTO.MISSION does not get it from PX4, which repeats it only when the mode is entered. `None` where the items
-    /// from there on set their own, and before the route's first.
-    #[must_use]
-    pub fn speed_before(&self, seq: u16) -> Option<(f64, bool)> {
-        let (seq, place) = (usize::from(seq), usize::from(self.place_from(seq)));
-        let sets = |item: &&Item| item.command == DO_CHANGE_SPEED;
-        if self.items.get(seq..place)?.iter().any(|item| sets(&item)) {
-            return None;
-        }
-        let last = self.items.get(..seq)?.iter().rfind(sets)?;
-        let [kind, speed_m_s, ..] = last.params;
-        Some((speed_m_s.into(), kind == item::SPEED_TYPE_GROUND))
-    }
-
-    /// The leg, up to this one, with which the vehicle was last given a speed, as an index of `order`.
-    #[must_use]
-    pub fn speed_set_by(&self, leg: usize) -> Option<usize> {
-        let items = self.items.iter().zip(&self.waypoint_of).rev();
-        let mut setting = items.filter(|(item, _)| item.command == DO_CHANGE_SPEED);
-        let index = |number: u16| self.order.iter().position(|leg| leg.number == number);
-        setting.find_map(|(_, number)| index(*number).filter(|index| *index <= leg))
     }
 
     /// The loop of the route: (its last leg, its first leg, how often it leads back), legs as indices of `order`.

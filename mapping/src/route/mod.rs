@@ -5,7 +5,7 @@
 //! | DLI | PX4 |
 //! |---|---|
 //! | waypoint (13002) | NAV_WAYPOINT, the altitude in the frame of its type |
-//! | Waypoint to Speed (0802.10) | DO_CHANGE_SPEED before it, where the speed changes: the speed of the leg to it |
+//! | Waypoint to Speed (0802.10) | DO_CHANGE_SPEED before it: the speed of the leg to it |
 //! | Turn Type (0802.16) 0 or absent | acceptance radius 0: the vehicle's own, NAV_ACC_RAD |
 //! | Turn Type 1, fly over | acceptance radius 3 m: PX4 misses smaller ones for good |
 //! | loiter (13003) | NAV_LOITER_TIME or NAV_LOITER_UNLIM: `loiter` |
@@ -28,8 +28,6 @@ mod landing;
 mod loiter;
 mod mission;
 mod site;
-#[cfg(test)]
-mod speeds_where_they_change;
 mod stream;
 mod terrain;
 mod waypoint;

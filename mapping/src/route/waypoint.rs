@@ -1,7 +1,5 @@
 //! One waypoint (13002) of a route with its loiter (13003): its checked fields, and the items that fly it.
 
-use std::collections::BTreeSet;
-
 use mavlink_link::service::mission::{FRAME_MISSION, Item};
 use stanag_msgs::enums::{LimitType, LocationType, TurnType, WaypointSpeedType, WaypointType};
 use stanag_msgs::messages::{UaLoiterWaypoint, UaPositionWaypoint};
@@ -12,7 +10,6 @@ use super::loiter;
 use super::mission::{CompiledMission, Leg};
 use super::site::Site;
 use crate::limits::Performance;
-use crate::plan::Plan;
 
 /// The leg to it: position, altitude, speed.
 ///
@@ -137,15 +134,6 @@ pub(super) fn ends_loop(waypoint: &UaPositionWaypoint) -> Result<bool, Reason> {
         Some(WaypointType::EndOfLoop) => Ok(true),
         Some(WaypointType::Unknown(value)) => Err(Reason::unknown("Waypoint Type", value)),
     }
-}
-
-/// The waypoints that loops lead back to.
-pub(super) fn loop_starts(plan: &Plan) -> BTreeSet<u16> {
-    let waypoints = plan.numbers().filter_map(|number| plan.waypoint(number));
-    waypoints
-        .filter(|waypoint| matches!(ends_loop(waypoint), Ok(true)))
-        .filter_map(|waypoint| waypoint.next_waypoint)
-        .collect()
 }
 
 /// The jump back from the end of a loop, `number`, whose own items are in `compiled` already; `None` for a loop that is

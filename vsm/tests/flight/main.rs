@@ -4,7 +4,7 @@
 //!
 //! - whole flights: `whole_route`, `lossy_links`, `restarts`, `full_disk`, `faults`, `many_at_once`, `shared_link`,
 //!   `captures_as_vehicles`
-//! - routes: `routes_by_type`, `route_refusals`, `above_terrain`, `plan_actions`, `refused_uploads`, `route_progress`, `route_speeds`, `curves`, `streamed_curves`, `climbs`, `after_a_return`,
+//! - routes: `routes_by_type`, `route_refusals`, `above_terrain`, `plan_actions`, `refused_uploads`, `route_progress`, `curves`, `streamed_curves`, `climbs`, `after_a_return`,
 //!   `mission_watchdog`, `fence`, `altitude_band`, `rally`, `wings`
 //! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
@@ -69,7 +69,6 @@ mod reports_in_time;
 mod restarts;
 mod route_progress;
 mod route_refusals;
-mod route_speeds;
 mod routes_by_type;
 mod shared_link;
 mod slow_radio;

@@ -176,16 +176,8 @@ impl Mission {
         if self.disarmed_inactive && self.activated && self.index + 1 >= self.items.len() {
             self.index = 0;
             self.jumps.fill(0);
+            self.speed = None;
         }
-        // PX4 returns to its own speed, and repeats the last one of the items before the present one; a transition ends it.
-        let before = self.items.get(..self.index).unwrap_or_default().iter();
-        let last = before
-            .rev()
-            .find(|item| matches!(item.command, CHANGE_SPEED | TRANSITION));
-        let speed = last.filter(|item| item.command == CHANGE_SPEED);
-        self.speed = speed
-            .map(|item| f64::from(item.params[1]))
-            .filter(|speed_m_s| *speed_m_s > 0.0);
         self.activated = true;
         self.disarmed_inactive = false;
         self.finished = false;

@@ -83,8 +83,8 @@ pub(super) fn fly(
     if enters || start.is_some() {
         check_way_to_route(uploaded, start, enters, at)?;
     }
-    // The operator may set a speed until the route's next change of speed. It applies, and the mission watchdog holds a
-    // vehicle that misses its waypoint.
+    // The operator may set a speed for the current leg. It applies, and the mission watchdog holds a vehicle that misses its
+    // waypoint.
     let begins = enters || start.is_some();
     if let Some(speed_m_s) = speed.filter(|_| begins && at.wings.is_none()) {
         let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
@@ -114,14 +114,6 @@ pub(super) fn fly(
     } else {
         at.commanded
     };
-    // PX4 repeats the route's speed on entering AUTO.MISSION, but not on a jump within it.
-    let jump = start.filter(|_| !enters && speed.is_none());
-    if let Some((speed_m_s, over_ground)) = jump.and_then(|seq| uploaded.compiled.speed_before(seq))
-    {
-        steps.push(maneuver::change_speed(speed_m_s, over_ground));
-        // It takes the place of one that an earlier command gave.
-        commanded.speed_m_s = None;
-    }
     if let Some(speed_m_s) = speed {
         // After the mode: PX4 resets to its own speed when it enters a mode.
         steps.push(maneuver::change_speed(speed_m_s, at.wings.is_none()));
