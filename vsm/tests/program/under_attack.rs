@@ -615,7 +615,10 @@ fn messages_of_exchanges_from_forty_addresses_delay_neither_the_vehicle_nor_the_
     let mut world = World::start_with(SYNC, "on");
     world.commands = 20.0;
     let crowd: Vec<UdpSocket> = (1..=40)
-        .map(|host| UdpSocket::bind(([127, 0, 1, host], 0)).expect("loopback has each address"))
+        .map(|host| {
+            UdpSocket::bind(SocketAddr::from(([127, 0, 1, host], 0)))
+                .expect("loopback has each address")
+        })
         .collect();
     for (what, rate) in [
         ("no attack", 1),
