@@ -167,12 +167,12 @@ impl Fleet {
     }
 
     /// Finds vehicles that are due, those first that have been so for longest, and how many they are; [`Fleet::due_mut`] lends them.
-    /// Not more than [`MOST_AT_ONCE`]: a command must not wait for a thousand vehicles' reports. In the order of their numbers:
+    /// Not more than [`MAX_AT_ONCE`]: a command must not wait for a thousand vehicles' reports. In the order of their numbers:
     /// stations see it.
     pub(crate) fn find_due(&mut self, now: Duration, stations: &[GroundStation]) -> usize {
         self.poll_timeout(now, stations);
         self.due.clear();
-        while self.due.len() < MOST_AT_ONCE && self.timers.first().is_some_and(|at| at <= now) {
+        while self.due.len() < MAX_AT_ONCE && self.timers.first().is_some_and(|at| at <= now) {
             self.due.extend(self.timers.pop());
         }
         self.due.sort_unstable();
@@ -280,7 +280,7 @@ impl Timers {
 }
 
 /// Vehicles whose due work is done in one call.
-const MOST_AT_ONCE: usize = 64;
+const MAX_AT_ONCE: usize = 64;
 
 #[cfg(test)]
 mod tests {

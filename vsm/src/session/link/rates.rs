@@ -66,7 +66,7 @@ impl Rates {
             .sum();
         let mut factor = ((room as f32 - FIXED_BYTES_S) / needed).min(1.0);
         // What fits on average may still all come within one second, in which a radio has to carry the bridge's frames too.
-        let most = room as f32 * MOST_IN_A_SECOND;
+        let most = room as f32 * MAX_IN_A_SECOND;
         while self.bytes_in_a_second(factor) > most {
             let once_less = self.wanted.iter().map(|(_, hertz, _)| {
                 let fewer = times_in_a_second(hertz * factor) - 1.0;
@@ -150,7 +150,7 @@ const ONLY_WITH_ROOM: &[u32] = &[
 const FURTHER_BYTES: u16 = 80;
 /// The busiest second of the reports, in shares of their average: three quarters of the link, so that what the bridge sends beside them
 /// leaves a tenth of it free.
-const MOST_IN_A_SECOND: f32 = 0.75 / 0.55;
+const MAX_IN_A_SECOND: f32 = 0.75 / 0.55;
 /// HEARTBEAT and MISSION_CURRENT, once a second each: their rates cannot be requested.
 const FIXED_BYTES_S: f32 = 77.0;
 

@@ -484,7 +484,7 @@ impl Reports {
 
 /// Reports on schedule and on change.
 impl Reports {
-    /// Publishes what is due, [`MOST_AT_ONCE`] at most: with fifty stations that began to listen together all would be due together,
+    /// Publishes what is due, [`MAX_AT_ONCE`] at most: with fifty stations that began to listen together all would be due together,
     /// and a command would wait behind them. The rest is still due, at once, after what has arrived meanwhile; it begins with the station
     /// that is next, so that none is always the last.
     fn push_due(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
@@ -498,7 +498,7 @@ impl Reports {
             let payload = (context.stations.get(station)).is_some_and(steers)
                 && context.provisional(station) != Provisional::Off;
             loop {
-                if published == MOST_AT_ONCE {
+                if published == MAX_AT_ONCE {
                     self.unfinished = Some((index, context.mono()));
                     return;
                 }
@@ -732,7 +732,7 @@ fn known_report(message: u16) -> Result<(), String> {
 /// The range that Edition 2 gives for 17001's Frequency.
 const MAX_HERTZ: u16 = 100;
 /// Reports published on schedule in one call.
-const MOST_AT_ONCE: usize = 32;
+const MAX_AT_ONCE: usize = 32;
 /// Changes of mode that are reported by themselves: ten a second, 40 at once.
 const MODES: Rate = Rate {
     cost: Duration::from_millis(100),
