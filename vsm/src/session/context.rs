@@ -308,6 +308,13 @@ impl ParameterView<'_> {
         Performance::of(hovers, self.values, &context.bounds.limits)
     }
 
+    /// How it flies curves: the configured tolerance, and the vehicle's own parameters.
+    pub(crate) fn curving(&self, context: &Context<'_>) -> Curving {
+        let mut curving = context.bounds.curving;
+        curving.know(self.values);
+        curving
+    }
+
     /// The limits of a route flown on wings; `None` for a multicopter.
     pub(crate) fn wings(&self, context: &Context<'_>) -> Option<Wings> {
         let vtol = match context.vehicle.telemetry.airframe() {

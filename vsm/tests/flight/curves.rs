@@ -9,7 +9,7 @@ use curve_paths::flight::measure;
 use curve_paths::{BezierLeg, Control, Leg, Options, Position, densify};
 use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use mapping::route::Curved;
-use px4_sim::{Airframe, Config, Mode as Px4};
+use px4_sim::{Airframe, Config, Mode as Px4, Param};
 use stanag_msgs::enums::{
     AckType, AltitudeType, FlightPathControlMode as Mode, MissionPlanMode, MissionTransferStatus,
 };
@@ -317,6 +317,23 @@ fn twelve_routes_are_flown_within_the_predicted_deviation_past_every_point_at_5_
             assert!(!rig.station().has_alert("commanding hold"), "{name}");
         }
     }
+}
+
+#[test]
+fn what_the_vehicle_can_by_its_own_parameters_counts_at_the_load() {
+    let time_s = |params| {
+        let vehicle = Config {
+            params,
+            ..Config::default()
+        };
+        let setup = Setup {
+            vehicles: vec![vehicle],
+            ..Setup::default()
+        };
+        curved(&loaded(setup, plan(&tightening(0.0), 10.0))).time_s
+    };
+    let (slow_s, usual_s) = (time_s(vec![(Param::MPC_ACC_HOR, 0.5)]), time_s(vec![]));
+    assert!(slow_s > 1.2 * usual_s, "{slow_s} {usual_s}");
 }
 
 pub(super) fn numbers(rig: &Rig) -> Option<(u16, u16, u16)> {

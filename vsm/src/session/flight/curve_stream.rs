@@ -84,7 +84,7 @@ pub(super) struct StreamContext<'a> {
     pub(super) busy: bool,
     /// What the vehicle can do, and what PX4 does when set points stop.
     pub(super) parameters: &'a Parameters,
-    /// The tolerance, and what stands for parameters that are not known.
+    /// The tolerance, and how the vehicle flies curves.
     pub(super) curving: Curving,
     /// A speed commanded for the present leg (2016), m/s: it is not exceeded.
     pub(super) commanded_mps: Option<f64>,
@@ -221,9 +221,7 @@ impl CurveStream {
         let speed = north.hypot(east);
         let distance_m = ahead.x.hypot(ahead.y);
         // Room to enter the mode, and to brake for a corner at P1.
-        let mut curving = context.curving;
-        curving.know(context.parameters);
-        let limits = curving.multicopter;
+        let limits = context.curving.multicopter;
         let brake = limits.acceleration * limits.corner_gain;
         let needed_m = ENTERS_WITHIN_S * speed + speed * speed / (2.0 * brake);
         if distance_m > NEAR_M + needed_m + ENTERS_WITHIN_S * speed {

@@ -47,7 +47,7 @@ impl Flight {
             transferring: mission.is_transferring(),
             busy: mission.fence_busy || by_itself || other,
             parameters: context.parameters.values,
-            curving: context.bounds.curving,
+            curving: context.parameters.curving(context),
             commanded_mps: self.commanded.speed_m_s,
         };
         let Some(order) = self.curve_stream.handle(&stream, input, effects) else {

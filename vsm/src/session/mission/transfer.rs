@@ -777,7 +777,7 @@ fn site<'a>(context: &Context<'a>) -> Option<Site<'a>> {
         wings: context.parameters.wings(context),
         limits: context.parameters.limits(context),
         performance: context.parameters.route_performance(context),
-        curving: context.bounds.curving,
+        curving: context.parameters.curving(context),
     })
 }
 
