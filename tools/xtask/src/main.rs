@@ -17,6 +17,7 @@ mod metrics;
 mod peers;
 mod portable;
 mod sbom;
+mod sizing;
 mod steps;
 mod tests;
 
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
         "conform" => conform::run(&mut steps),
         "kill" => kill::run(&mut steps),
         "faults" => faults::run(&mut steps),
+        "sizing" => sizing::run(),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
         "portable" => portable::build(&mut steps).map(|folder| eprintln!("{}", folder.display())),
         "sbom" => sbom::write().map(|list| eprintln!("{}", list.display())),
@@ -89,6 +91,8 @@ usage: cargo xtask TASK
   faults  three nodes and etcd in network namespaces: kill, cut off and slow them at random under flying vehicles, and check the
           wire; --times N, --seed N, --vehicles N, --side-by-side N, --bins DIR: with the programs of DIR; --docs: write
           docs/reference/fleet-faults.md; --plant: replay a frame, which has to be found. Needs root, ip and etcd
+  sizing  calculate and simulate what a fleet on many nodes needs, and what breaks first; --vehicles N, --nodes N, --of-vsm N: vehicles
+          of each VSM, --seed N; --docs: write docs/reference/fleet-sizing.md
   conform judge our own bridge by the conformance suite; further arguments are dli-check's, such as --rule AUTH-002;
           conform mavlink judges the simulated PX4 by mavlink-check, further arguments are that program's
   deb     build target/deb/vsm_VERSION_ARCHITECTURE.deb; --bins DIR: pack the programs of DIR; --out DIR;

@@ -1,11 +1,11 @@
-//! Random numbers of `cargo xtask faults`: the same seed draws the same faults.
+//! Random numbers of `cargo xtask faults` and `sizing`: the same seed draws the same.
 
 /// SplitMix64: enough to draw faults, and a dozen lines.
 #[derive(Debug)]
-pub(super) struct Dice(u64);
+pub(crate) struct Dice(u64);
 
 impl Dice {
-    pub(super) fn new(seed: u64) -> Dice {
+    pub(crate) fn new(seed: u64) -> Dice {
         Dice(seed)
     }
 
@@ -18,7 +18,7 @@ impl Dice {
     }
 
     /// A number from 0 to `end` - 1.
-    pub(super) fn below(&mut self, end: usize) -> usize {
+    pub(crate) fn below(&mut self, end: usize) -> usize {
         let end = end.max(1) as u64;
         usize::try_from(self.next() % end).unwrap_or(0)
     }

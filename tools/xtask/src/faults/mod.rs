@@ -31,7 +31,7 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context as _, Result, anyhow, bail};
 
-use self::draw::Dice;
+pub(crate) use self::draw::Dice;
 use self::judge::Record;
 use self::kind::Kind;
 use self::station::Stations;
