@@ -26,7 +26,7 @@ pub(crate) fn run() -> Result<()> {
     let fleet = Fleet {
         vehicles: within("--vehicles", 10_000, 1, 1_000_000)?,
         nodes: within("--nodes", 20, NODES_OF_VSM, 1_000)?,
-        of_vsm: within("--of-vsm", 100, 1, 5_000)?,
+        of_vsm: within("--of-vsm", 100, 10, 5_000)?,
     };
     let seed = number("--seed")?.unwrap_or(4_586);
     let page = page::markdown(&fleet, seed)?;
