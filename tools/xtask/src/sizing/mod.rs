@@ -4,9 +4,10 @@
 //! Every constant names the command or the page that it is from: who measures again changes it here, and writes the page
 //! with `--docs`.
 //!
-//! Read in this order: `costs` (the constants), `simulation` (deaths of nodes, writes), `page` (the tables).
+//! Read in this order: `costs` (the constants), `fleet` (what each VSM costs), `simulation` (deaths of nodes, writes), `page` (the tables).
 
 mod costs;
+mod fleet;
 mod page;
 mod simulation;
 
@@ -14,10 +15,8 @@ use std::fs;
 
 use anyhow::{Result, bail};
 
-use self::costs::{
-    CORE_OF_200, CORE_OF_1000, ETCD_S, FILES, MEASURED_WITH, MEMORY_OF_200, MEMORY_OF_1000,
-    MESSAGES_S, NODES_OF_VSM, READ_S, READS_S, REPORTS_S, STATIONS, WRITE_S,
-};
+use self::costs::NODES_OF_VSM;
+use self::fleet::Fleet;
 use crate::kill::number;
 use crate::steps::root;
 
@@ -43,46 +42,4 @@ fn within(name: &str, default: u32, min: u32, max: u32) -> Result<u32> {
         Ok(fits) if (min..=max).contains(&fits) => Ok(fits),
         _ => bail!("{name} {given}: expected {min} to {max}"),
     }
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Fleet {
-    vehicles: u32,
-    nodes: u32,
-    of_vsm: u32,
-}
-
-impl Fleet {
-    /// The last VSM counts as a full one.
-    fn vsms(&self) -> u32 {
-        self.vehicles.div_ceil(self.of_vsm)
-    }
-
-    /// Of a core, %, as long as each station is held to the default limit.
-    fn vsm_core(&self) -> f64 {
-        line(self.of_vsm, CORE_OF_200, CORE_OF_1000)
-    }
-
-    /// The memory of its process, MB.
-    fn vsm_memory(&self) -> f64 {
-        line(self.of_vsm, MEMORY_OF_200, MEMORY_OF_1000)
-    }
-
-    /// How many datagrams a second a VSM sends to all its stations, at the default limit.
-    fn vsm_datagrams(&self) -> f64 {
-        (f64::from(self.of_vsm) * REPORTS_S).min(MESSAGES_S) * STATIONS
-    }
-
-    /// How long the last vehicle of a VSM waits beyond what was measured with three: the next node reads every file, and
-    /// then stores every ceiling, one after the other. `lanes`: VSMs that do so at once.
-    fn restore_s(&self, lanes: u32) -> f64 {
-        let lanes = f64::from(lanes);
-        let (read, write) = (READ_S.max(lanes / READS_S), WRITE_S.max(lanes / ETCD_S));
-        f64::from(self.of_vsm.saturating_sub(MEASURED_WITH)) * (FILES * read + write)
-    }
-}
-
-/// The line through the measured figures of 200 and of 1,000 vehicles in one process.
-fn line(vehicles: u32, of_200: f64, of_1000: f64) -> f64 {
-    of_200 + (of_1000 - of_200) * (f64::from(vehicles) - 200.0) / 800.0
 }

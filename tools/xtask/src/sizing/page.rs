@@ -4,12 +4,12 @@ use std::fmt::Write as _;
 
 use anyhow::Result;
 
-use super::Fleet;
 use super::costs::{
     CEILING_BYTES, CEILINGS_S, CHANGES, COMMAND_BYTES, COMMANDS_S, DATAGRAM_BYTES, ETCD_S, FILES,
     FRAMES_S, GIB, LONGEST_S, LOSS_S, MEASURED_WITH, MESSAGES_S, NODE_CORES, READ_S, REPORTS_S,
     ROOM_S, SEALS, TRIALS, WRITE_S, YEAR_S,
 };
+use super::fleet::Fleet;
 use super::simulation::{Deaths, at, ceilings, deaths};
 use crate::faults::Dice;
 

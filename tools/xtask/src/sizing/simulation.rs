@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use super::Fleet;
 use super::costs::{CEILING_S, NODES_OF_VSM, SHORTEST_S, TAKE_OVERS, TRIALS};
+use super::fleet::Fleet;
 use crate::faults::Dice;
 
 /// What one event has led to: for each VSM that it took a node from, until its last vehicle had a frame of the next one.
