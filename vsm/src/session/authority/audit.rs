@@ -606,7 +606,7 @@ mod tests {
     fn a_log_that_claims_to_follow_more_lines_than_any_has_is_broken() {
         let chain = Chain {
             lines: u64::MAX - 2,
-            last: "0".repeat(HASH_DIGITS),
+            last: "1".repeat(HASH_DIGITS),
             keyed: None,
         };
         let wall = Duration::from_secs(1_800_000_000);

@@ -58,7 +58,8 @@ fn run() -> StreamedRun {
     }
 }
 
-/// The vehicle, flown by the set points that it gets while it is in OFFBOARD, and north at 5 m/s otherwise.
+/// The vehicle, flown by the set points that it gets while it is in OFFBOARD, and north at 5 m/s otherwise. As PX4 does, it flies at
+/// their velocity, and at a metre a second more for each metre that it is off their place.
 struct Scene {
     world: World,
     stream: CurveStream,
@@ -180,12 +181,11 @@ impl Scene {
                 if let MavMessage::SET_POSITION_TARGET_GLOBAL_INT(to) = message {
                     self.sent += 1;
                     if self.mode == Px4Mode::OFFBOARD {
-                        self.at = Position::new(
-                            f64::from(to.lat_int) * 1e-7,
-                            f64::from(to.lon_int) * 1e-7,
-                            to.alt.into(),
-                        );
-                        self.velocity = [to.vx, to.vy, to.vz].map(f64::from);
+                        let (lat, lon) = (f64::from(to.lat_int), f64::from(to.lon_int));
+                        let place = Position::new(lat * 1e-7, lon * 1e-7, to.alt.into());
+                        let off = offset_m(self.at, place);
+                        let [north, east, down] = [to.vx, to.vy, to.vz].map(f64::from);
+                        self.velocity = [north + off.y, east + off.x, down - off.z];
                     }
                 }
             }
@@ -246,7 +246,7 @@ fn a_curve_is_entered_near_its_first_point_and_handed_back_behind_its_last() {
     }
     assert_eq!(scene.orders, [Order::Enter, Order::HandBack]);
     assert_eq!(items, [2, 3, 4, 5], "PX4's item is kept in step");
-    assert!(off_m < 0.05, "{off_m}");
+    assert!(off_m < 0.3, "{off_m}");
     scene.mode = Px4Mode::MISSION;
     scene.maneuver = false;
     scene.run(0.1);
