@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use crate::Random;
 
-/// Measures each subject once in each turn, in an order drawn anew for the turn: for each subject its values, turn by turn.
+/// Measures each subject once in each turn, in an order drawn for that turn: for each subject its values, turn by turn.
 pub fn in_turns<S, V>(
     turns: usize,
     random: &mut Random,

@@ -56,7 +56,10 @@ fn on_a_radio(rate_bps: u32) -> (Processes, Duration) {
         let bytes: usize = reports.map(|one| one.bytes).sum();
         requests >= REQUESTS && (bytes as f64) < 0.7 * line
     };
-    assert!(processes.wait(20.0, &has_its_rates), "its streams go on");
+    assert!(
+        processes.wait(20.0, &has_its_rates),
+        "the bridge's rates are in force"
+    );
     processes.line_mut().faults.bytes_s = Some(line);
     // A vehicle refuses to arm for some seconds after its start.
     processes.pass(4.0);

@@ -128,8 +128,8 @@ impl Side {
                 let length = device.port.read(&mut buffer);
                 begun.extend_from_slice(&buffer[..length]);
                 // Between frames there is nothing, but for one that a bridge was killed in.
-                let stray = begun.iter().take_while(|byte| !FRAME_STARTS.contains(byte));
-                begun.drain(..stray.count());
+                let noise = begun.iter().take_while(|byte| !FRAME_STARTS.contains(byte));
+                begun.drain(..noise.count());
                 let (_, length) = extent(begun)?;
                 Some(begun.drain(..length).collect())
             }

@@ -46,3 +46,11 @@ impl Fleet {
 fn line(vehicles: u32, of_200: f64, of_1000: f64) -> f64 {
     of_200 + (of_1000 - of_200) * (f64::from(vehicles) - 200.0) / 800.0
 }
+
+/// The fleet of the guide.
+#[cfg(test)]
+pub(super) const FLEET: Fleet = Fleet {
+    vehicles: 10_000,
+    nodes: 20,
+    of_vsm: 100,
+};

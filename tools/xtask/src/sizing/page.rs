@@ -219,13 +219,8 @@ they take over, radios.
 
 #[cfg(test)]
 mod tests {
+    use super::super::fleet::FLEET;
     use super::*;
-
-    const FLEET: Fleet = Fleet {
-        vehicles: 10_000,
-        nodes: 20,
-        of_vsm: 100,
-    };
 
     #[test]
     fn what_breaks_first_comes_first() {

@@ -128,13 +128,8 @@ fn unit(dice: &mut Dice) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::costs::LONGEST_S;
+    use super::super::fleet::FLEET;
     use super::*;
-
-    const FLEET: Fleet = Fleet {
-        vehicles: 10_000,
-        nodes: 20,
-        of_vsm: 100,
-    };
 
     #[test]
     fn a_seed_gives_the_same_take_overs_with_the_measured_quantiles() {

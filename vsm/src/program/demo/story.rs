@@ -41,7 +41,7 @@ impl Story {
         self.write(over, &format!("{what}\n"));
     }
 
-    /// One line that is written over until something is told; nothing where no person watches.
+    /// One line that is written over until the next whole line; nothing where no person watches.
     pub(super) fn progress(&self, what: impl std::fmt::Display) {
         if io::stdout().is_terminal() {
             let over = self.unfinished.replace(true);
