@@ -578,36 +578,22 @@ mod tests {
     use stanag_msgs::enums::AltitudeType;
     use stanag_msgs::{Bam32, Id, Message, Scaled};
 
+    use super::super::curves_become_chords::site;
     use super::*;
-    use crate::altitude::{Agl, Altimeter};
-    use crate::limits::Limits;
-    use crate::telemetry::Place;
 
     #[test]
     fn a_route_ends_with_next_waypoint_0_and_with_no_other_number() {
-        let site = Site {
-            home: Place {
-                latitude: 47.0,
-                longitude: 8.0,
-                amsl_m: 488.0,
-            },
-            geoid_m: None,
-            agl: Agl::AboveHome,
-            terrain: None,
-            altimeter: Altimeter::STANDARD,
-            wings: None,
-            limits: Limits::default(),
-            performance: Performance::default(),
-            curving: Curving::default(),
-        };
+        let site = site();
         let compiled = |last: Option<u16>| {
             let mut plan = Plan::default();
             for (number, next) in [(1, Some(2)), (2, last)] {
-                let north = 47.0 + f64::from(number) * 1e-3;
+                let north = site.home.latitude + f64::from(number) * 1e-3;
                 let waypoint = Message::UaPositionWaypoint(UaPositionWaypoint {
                     waypoint_number: Some(number),
                     waypoint_to_latitude_or_relative_y: Some(Bam32::from_degrees(north)),
-                    waypoint_to_longitude_or_relative_x: Some(Bam32::from_degrees(8.0)),
+                    waypoint_to_longitude_or_relative_x: Some(Bam32::from_degrees(
+                        site.home.longitude,
+                    )),
                     waypoint_to_altitude: Scaled::from_si(30.0).ok(),
                     waypoint_altitude_type: Some(AltitudeType::Agl),
                     next_waypoint: next,

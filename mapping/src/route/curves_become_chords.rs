@@ -18,7 +18,7 @@ const P2: (f64, f64) = (47.3990, 8.5460);
 const P3: (f64, f64) = (47.3995, 8.5475);
 const P4: (f64, f64) = (47.3985, 8.5485);
 
-fn site() -> Site<'static> {
+pub(super) fn site() -> Site<'static> {
     Site {
         home: Place {
             latitude: 47.3977,
