@@ -21,7 +21,7 @@ use crate::plan::MAX_ROUTES;
 use crate::report;
 use crate::support::{self, Received};
 
-/// The answers to a request, all without stamps; the last one is a 41005.
+/// The answers to a request (41000 to 41004, 43000, 43001, 44003), all without stamps; the last one is a 41005.
 #[must_use]
 pub fn answers(subject: &Subject<'_>, request: &Request) -> Vec<Message> {
     let mut answers = Vec::new();

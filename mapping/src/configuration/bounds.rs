@@ -75,7 +75,7 @@ impl Bounds {
     }
 }
 
-/// The bounds of a field of a message; `None` where nothing bounds it.
+/// The bounds of a field of a message, as 41000, 41001 and 41003 report them; `None` where nothing bounds it.
 #[must_use]
 pub fn bounds(subject: &Subject<'_>, message: u16, field: &str) -> Option<Bounds> {
     let found = match (message, field) {

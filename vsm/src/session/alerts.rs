@@ -93,7 +93,7 @@ impl Cause {
     }
 }
 
-/// The alerts of one vehicle.
+/// The alerts (16000) of one vehicle.
 #[derive(Debug)]
 pub(crate) struct Alerts {
     next_id: i32,
