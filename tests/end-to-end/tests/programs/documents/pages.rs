@@ -1,7 +1,9 @@
 //! The documents: the commands of the README, of the quick start and of the first tasks do what is written, in their order;
 //! every link leads somewhere; every `cargo xtask` task, source file and test that is named is there.
+//! The files of a row of ARCHITECTURE.md hold what the row names.
 
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
@@ -618,7 +620,7 @@ fn every_link_and_every_file_that_a_page_names_is_there() {
                 page.display()
             );
         }
-        for code in text.split('`').skip(1).step_by(2) {
+        for code in codes(&text) {
             if let Some(rest) = code.strip_prefix("cargo xtask ") {
                 let task = rest.split_whitespace().next().unwrap_or_default();
                 assert!(
@@ -649,6 +651,95 @@ fn every_link_and_every_file_that_a_page_names_is_there() {
             }
         }
     }
+}
+
+/// Who moves a function, a configuration key or a message to another file moves its row of "I want to ..." too.
+#[test]
+fn the_files_of_a_change_hold_what_its_row_names() {
+    let text = fs::read_to_string(root().join("ARCHITECTURE.md")).expect("the page");
+    let (_, rows) = text.split_once("\n## I want to ").expect("the tables");
+    let (rows, _) = rows.split_once("\n## ").expect("the next section");
+    let is_row = |line: &&str| line.starts_with("| ") && !line.starts_with("| change | open");
+    let (mut count, mut wrong) = (0, Vec::new());
+    for row in rows.lines().filter(is_row) {
+        let cells: Vec<&str> = row.trim_matches('|').split(" | ").collect();
+        let [change, first, then] = cells[..] else {
+            panic!("expected three cells: {row}");
+        };
+        let mut place = root().to_owned();
+        let of_first = text_of_files(first, &mut place);
+        let of_then = text_of_files(then, &mut place);
+        let of_both = format!("{of_first}{of_then}");
+        let numbers = change.split(|c: char| !c.is_ascii_digit());
+        let numbers = numbers.filter(|number| number.len() >= 4);
+        let symbols = |cell| codes(cell).filter(|code| !is_path(code)).collect();
+        let named: [(Vec<&str>, &String); 3] = [
+            (codes(change).chain(numbers).collect(), &of_both),
+            (symbols(first), &of_first),
+            (symbols(then), &of_then),
+        ];
+        for (names, text) in named {
+            let absent = names.into_iter().filter(|name| !holds(text, name));
+            wrong.extend(absent.map(|name| format!("{name}: {row}")));
+        }
+        count += 1;
+    }
+    assert!(count > 300, "{count} rows");
+    assert!(wrong.is_empty(), "not in their files: {wrong:#?}");
+}
+
+/// What stands in a text as code.
+fn codes(text: &str) -> impl Iterator<Item = &str> {
+    text.split('`').skip(1).step_by(2)
+}
+
+/// Whether a code of a row is a file or a folder; any other is a name in one.
+fn is_path(code: &str) -> bool {
+    let endings = ["rs", "py", "js", "html", "css", "toml"];
+    let ends = |e: &OsStr| endings.iter().any(|ending| e == *ending);
+    let in_folder = code.contains('/') && !code.starts_with('/');
+    !code.contains(' ') && (in_folder || Path::new(code).extension().is_some_and(ends))
+}
+
+/// The files of a cell, each after its path, since a subcommand is often named by its file alone. A bare name is beside the file
+/// before it, which is `place`.
+fn text_of_files(cell: &str, place: &mut PathBuf) -> String {
+    let mut text = String::new();
+    for code in codes(cell).filter(|code| is_path(code)) {
+        let beside = place.parent().unwrap_or(place).join(code);
+        let mut places = vec![root().join(code), root().join("vsm/src").join(code)];
+        places.insert(if code.contains('/') { 2 } else { 0 }, beside);
+        let found = places.into_iter().find(|path| path.exists());
+        *place = found.unwrap_or_else(|| panic!("there is no {code}: {cell}"));
+        let mut files = Vec::new();
+        if place.is_dir() {
+            sources(place, &mut files);
+        } else {
+            files.push(place.clone());
+        }
+        for file in files {
+            let path = file.strip_prefix(root()).unwrap_or(&file);
+            let content = fs::read_to_string(&file).expect("a file of a row");
+            text += &format!("{}\n{content}\n", path.display());
+        }
+    }
+    text
+}
+
+/// Whether the last word of a name is in a text, as a word: `--test-cases` as `test_cases` too.
+fn holds(text: &str, name: &str) -> bool {
+    let is_part = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
+    let name = name.split('(').next().unwrap_or_default();
+    let mut words = name.rsplit(|c: char| !is_part(c));
+    let word = words.find(|word| !word.is_empty()).unwrap_or_default();
+    let word = word.trim_matches('-');
+    let symbol = word.replace('-', "_");
+    let mut parts = text
+        .split(|c: char| !is_part(c))
+        .map(|part| part.trim_matches('-'));
+    let mut numbers = text.split(|c: char| !c.is_ascii_digit());
+    !word.is_empty()
+        && (parts.any(|part| part == word || part == symbol) || numbers.any(|part| part == word))
 }
 
 /// The name after `--test`, and the word behind it that selects tests, or nothing.
