@@ -5,7 +5,6 @@
 //! (CURRENT_EVENT_SEQUENCE), and answers a request for one that it no longer has by RESPONSE_EVENT_ERROR. It sends each
 //! event once, so an event that a link loses is lost unless requested. Events before the first message are not requested:
 //! they belong to the past, and conditions that persist are reported otherwise.
-//! another time, and what lasts of them is reported otherwise.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
