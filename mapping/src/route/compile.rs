@@ -20,8 +20,8 @@ use crate::limits::{Performance, metres};
 use crate::payload::waypoint::{Pointing, camera_of};
 use crate::plan::Plan;
 
-/// Makes the mission of the route that starts at `initial`. Where its curves become too many items, they are flown
-/// within the smallest tolerance that the items allow, and a note reports it.
+/// Makes the mission of the route that starts at `initial`. Where it becomes too many items, repeated speeds are left out;
+/// where its curves are still too many, they are flown within the smallest tolerance that the items allow. A note reports it.
 ///
 /// The first waypoint, in flying order, that cannot be flown, and why. No partial mission is returned.
 pub fn compile(plan: &Plan, initial: u16, site: &Site) -> Result<CompiledMission, RouteError> {
@@ -75,10 +75,12 @@ pub(crate) fn compile_within(
     while next != 0 {
         next = draft.add(next)?;
     }
-    draft.finish().ok_or(RouteError {
+    let mut compiled = draft.finish().ok_or(RouteError {
         waypoint: initial,
         reason: Reason::Unknown,
-    })
+    })?;
+    compiled.fit(site.limits.items)?;
+    Ok(compiled)
 }
 
 /// The mission with the smallest tolerance that its items allow; `None` where even the coarsest needs more.
@@ -230,8 +232,9 @@ impl<'a> Draft<'a> {
         self.turn(&leg).map_err(at)?;
         self.compiled.order.push(leg);
         let next = self.lead_on(&leg, waypoint).map_err(at)?;
-        if self.compiled.items.len() > site.limits.items {
-            return Err(at(Reason::TooManyItems(site.limits.items)));
+        // At most one item of each leg can be left out: more of the route would be compiled in vain.
+        if self.compiled.items.len() - self.compiled.order.len() > site.limits.items {
+            self.compiled.fit(site.limits.items)?;
         }
         Ok(next)
     }

@@ -92,12 +92,12 @@ pub fn complete(
         compiled.push(0, stay);
         append(compiled, pattern);
     }
-    if compiled.items.len() > site.limits.items {
-        return Err(RouteError {
-            waypoint: last.number,
-            reason: Reason::TooManyItems(site.limits.items),
-        });
-    }
+    // The pattern belongs to no waypoint that could be named.
+    let fitted = compiled.fit(site.limits.items);
+    fitted.map_err(|fault| RouteError {
+        waypoint: last.number,
+        ..fault
+    })?;
     mark_first(compiled);
     Ok(())
 }
@@ -396,6 +396,30 @@ mod tests {
         let alone = flown(&sent, RouteType::Approach, 7, &site(false, None)).expect("it lands");
         assert_eq!(commands(&alone), [189, 16, 21]);
         assert!(alone.items[0].current);
+    }
+
+    #[test]
+    fn repeated_speeds_are_left_out_where_the_landing_makes_too_many_items() {
+        let approach: &[_] = &[(7, -800.0, 0.0, 50.0), (8, 0.0, 0.0, 5.0)];
+        let mut sent = plan(&[ROUTE, (RouteType::Approach, approach)]);
+        for number in [1, 2] {
+            let waypoint = UaPositionWaypoint {
+                waypoint_to_speed: Scaled::from_si(15.0).ok(),
+                ..sent.waypoint(number).expect("sent").clone()
+            };
+            let stored = sent.store(&waypoint.into(), Id(0x1b00_00a0), Id(0x1b00_0101));
+            stored.expect("a waypoint");
+        }
+        let within = |items| {
+            let mut site = site(false, None);
+            site.limits.items = items;
+            flown(&sent, RouteType::Flight, 1, &site)
+        };
+        let items = |items| commands(&within(items).expect("it fits"));
+        assert_eq!(items(8), [178, 16, 178, 16, 17, 189, 16, 21]);
+        assert_eq!(items(7), [178, 16, 16, 17, 189, 16, 21]);
+        let fault = within(6).expect_err("7 items remain");
+        assert_eq!((fault.waypoint, fault.reason), (2, Reason::TooManyItems(6)));
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! | DLI | PX4 |
 //! |---|---|
 //! | waypoint (13002) | NAV_WAYPOINT, the altitude in the frame of its type |
-//! | Waypoint to Speed (0802.10) | DO_CHANGE_SPEED before it: the speed of the leg to it |
+//! | Waypoint to Speed (0802.10) | DO_CHANGE_SPEED before it: the speed of the leg to it; where a route has too many items, a repeated one is left out: `repeated_speeds` |
 //! | Turn Type (0802.16) 0 or absent | acceptance radius 0: the vehicle's own, NAV_ACC_RAD |
 //! | Turn Type 1, fly over | acceptance radius 3 m: PX4 misses smaller ones for good |
 //! | loiter (13003) | NAV_LOITER_TIME or NAV_LOITER_UNLIM: `loiter` |
@@ -13,8 +13,8 @@
 //!
 //! In reading order: `site` (what a route is compiled for), `compile` (waypoint by waypoint), `waypoint`, `loiter` and
 //! `curve` (the items of each), `stream` (curves by set points), `brake` (where PX4 must stop), `clearance` (heights above the ground between waypoints),
-//! `wings` (the limits of a wing), `landing` (how a route ends), `mission` (the result), `terrain` (the result compared
-//! with the ground), `error` (each refusal).
+//! `wings` (the limits of a wing), `landing` (how a route ends), `mission` (the result), `repeated_speeds` (what is left out of
+//! one with too many items), `terrain` (the result compared with the ground), `error` (each refusal).
 
 mod brake;
 mod clearance;
@@ -27,6 +27,7 @@ mod item;
 mod landing;
 mod loiter;
 mod mission;
+mod repeated_speeds;
 mod site;
 mod stream;
 mod terrain;

@@ -103,7 +103,7 @@ facts! {
         "Commanded Heading": "15: where the nose points";
         "Commanded Course": "15: where it flies";
         "Commanded Turn Rate": "15: how fast it turns";
-        "Commanded Speed": "DO_CHANGE_SPEED in 11 and 12 (a multicopter's circle: DO_ORBIT), flown in 15; refused beyond the range that 41003 reports; 0: none";
+        "Commanded Speed": "DO_CHANGE_SPEED in 11 and 12 (a multicopter's circle: DO_ORBIT), flown in 15; refused beyond the range that 41003 reports, and in 11 where repeated speeds of the route are left out; 0: none";
         "Speed Type": "0, 1 and 2 alike: over ground by a multicopter, through the air on wings; others are refused";
         "Commanded Waypoint Number": "11, and routes flown by 19, 23, 24: the flight starts at it; 0: none; elsewhere 16000 reports that it is ignored";
         "Altimeter Setting": "of pressure altitudes, from now on; 0: none";
