@@ -86,14 +86,21 @@ pub(super) fn fly(
     // The operator may set a speed for the current leg. It applies, and the mission watchdog holds a vehicle that misses its
     // waypoint.
     let begins = enters || start.is_some();
+    let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
+    let seq = seq.unwrap_or(0);
+    let compiled = &uploaded.compiled;
+    let leg = compiled.leg_of_item(compiled.place_from(seq));
+    if let Some(speed_m_s) = speed
+        && let Some(waypoint) = leg.and_then(|leg| compiled.speed_left_out_after(leg))
+    {
+        return Err(format!(
+            "at {speed_m_s:.1} m/s the vehicle could fly the legs behind this one too: repeated speeds are left out of the route, that \
+             of waypoint {waypoint} among them, so that it fits the vehicle; give the route this speed (13002)"
+        ));
+    }
     if let Some(speed_m_s) = speed.filter(|_| begins && at.wings.is_none()) {
-        let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
-        let seq = seq.unwrap_or(0);
         let level = Some(comes_level(uploaded, seq, enters, at));
-        if let Some(number) = uploaded
-            .compiled
-            .missed_at(seq, level, speed_m_s, &at.performance)
-        {
+        if let Some(number) = compiled.missed_at(seq, level, speed_m_s, &at.performance) {
             return Err(format!(
                 "at {speed_m_s:.1} m/s the vehicle could miss waypoint {number}, to or from which it climbs or \
                  descends, and fly on: give the route this speed (13002), so that it stops there"
@@ -101,11 +108,10 @@ pub(super) fn fly(
         }
     }
     if begins {
-        let seq = start.or(at.telemetry.mission.map(|mission| mission.seq));
-        wings::turn_for_the_leg(uploaded, seq.unwrap_or(0), at, &mut steps)?;
+        wings::turn_for_the_leg(uploaded, seq, at, &mut steps)?;
     }
     // Before the mode: in AUTO.MISSION the vehicle flies to the current item.
-    steps.extend(start.map(|seq| Step::SetCurrent(seq..=uploaded.compiled.place_from(seq))));
+    steps.extend(start.map(|seq| Step::SetCurrent(seq..=compiled.place_from(seq))));
     if begins {
         steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
     }
@@ -119,6 +125,11 @@ pub(super) fn fly(
         steps.push(maneuver::change_speed(speed_m_s, at.wings.is_none()));
         commanded.speed_m_s = Some(speed_m_s);
         commanded.speed_type = Some(flown_as(at.wings.is_none()));
+    } else if begins && let Some(speed_m_s) = leg.and_then(|leg| compiled.speed_left_out(leg)) {
+        // PX4 repeats the route's speed when it enters AUTO.MISSION, but not on a jump within it.
+        let hovers = at.wings.is_none() || compiled.hovers_from(seq);
+        steps.push(maneuver::change_speed(speed_m_s, hovers));
+        commanded.speed_m_s = None;
     }
     Ok(Task::Steps(steps, commanded))
 }
