@@ -102,8 +102,8 @@ table! {
     pub struct Curve {
         /// Largest planned deviation from a curve, 0.1 to 100 m
         pub tolerance_m: f64 => Value("1.0"),
-        /// Largest number of mission items of a route, 2 to 10000; where its curves need more, they are flown within the
-        /// smallest tolerance that this allows, reported by 16000
+        /// Largest number of mission items of a route, 2 to 10000; where it needs more, repeated speeds are left out, then its
+        /// curves flown within the smallest tolerance that this allows, reported by 16000
         pub max_items: u16 => Value("500"),
         /// Where a curve is too tight for the speed: `"slow"` or `"refuse"`
         pub policy: CurvePolicy => Value("\"slow\""),
