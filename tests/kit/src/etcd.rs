@@ -59,6 +59,13 @@ impl Etcd {
         }
     }
 
+    /// Gives a key a value. Both are ASCII.
+    pub fn put(&self, key: &str, value: &str) {
+        let (key, value) = (base64(key.as_bytes()), base64(value.as_bytes()));
+        let body = format!("{{\"key\":\"{key}\",\"value\":\"{value}\"}}");
+        self.ask("kv/put", &body);
+    }
+
     /// Deletes a key. Its name is ASCII.
     pub fn delete(&self, key: &str) {
         let key = base64(key.as_bytes());

@@ -1,9 +1,8 @@
 //! `vsm fleet`: the computers that can serve a VSM.
 
-use std::io;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use clap::{Args, Subcommand};
 
 use super::config_arg::ConfigArg;
@@ -79,7 +78,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             operator.drain(node).map_err(failed)?;
             if fleet.owner.as_ref() == Some(node) {
                 if !taken_over(&operator, node, lease)? {
-                    return Err(nobody(lease, &still_drained(node)));
+                    let still = format!(
+                        "{node} is still drained: `vsm fleet resume --node {node}` lets it serve again"
+                    );
+                    return Err(nobody(lease, &still));
                 }
             } else {
                 print_line(&format!(
@@ -106,11 +108,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
                     "{owner} serves, and no other node stands by: it would leave the vehicles without a ground"
                 )));
             }
-            // Draining makes the owner give up the vehicles. It is resumed even if nobody takes over, so that it serves
-            // again.
-            operator.drain(&owner).map_err(failed)?;
+            // Draining makes the owner give up the vehicles, and leaves them to another. The order ends by itself, so that
+            // an interrupted move leaves no vehicle without a ground.
+            let drain = operator
+                .drain_for(&owner, patience(lease))
+                .map_err(failed)?;
+            let drain = drain.ok_or_else(|| {
+                failed(anyhow!(
+                    "{owner} is drained already, by `vsm fleet drain` or by a move within the last {} s: `vsm fleet list` shows who takes over",
+                    patience(lease).as_secs()
+                ))
+            })?;
             let moved = taken_over(&operator, &owner, lease);
-            end_of_move(&owner, lease, moved, operator.resume(&owner))
+            operator.end(&drain);
+            end_of_move(&owner, lease, moved)
         }
     }
 }
@@ -126,24 +137,12 @@ fn open(config: &ConfigArg) -> Result<(Operator, Duration), Failure> {
     Ok((Operator::new(&store, config.dli.vsm_id), lease))
 }
 
-/// What a move ends with, once the node that served has been resumed.
-fn end_of_move(
-    owner: &str,
-    lease: Duration,
-    moved: Result<bool, Failure>,
-    resumed: io::Result<()>,
-) -> Result<(), Failure> {
-    resumed
-        .with_context(|| still_drained(owner))
-        .map_err(failed)?;
+/// What a move ends with, once its order to the node that served has ended.
+fn end_of_move(owner: &str, lease: Duration, moved: Result<bool, Failure>) -> Result<(), Failure> {
     match moved? {
         true => Ok(()),
         false => Err(nobody(lease, &format!("{owner} may serve again"))),
     }
-}
-
-fn still_drained(node: &str) -> String {
-    format!("{node} is still drained: `vsm fleet resume --node {node}` lets it serve again")
 }
 
 fn nobody(lease: Duration, state: &str) -> Failure {
@@ -208,19 +207,12 @@ mod tests {
     #[test]
     fn a_move_that_nobody_follows_ends_with_the_state_of_the_node() {
         let lease = Duration::from_secs(10);
-        let end = |moved, resumed| end_of_move("a", lease, Ok(moved), resumed);
-        let text = |end: Result<(), Failure>| match end {
-            Err(Failure::Failed(fault)) => format!("{fault:#}"),
-            _ => panic!("it failed"),
+        assert!(end_of_move("a", lease, Ok(true)).is_ok());
+        let Err(Failure::Failed(fault)) = end_of_move("a", lease, Ok(false)) else {
+            panic!("it failed");
         };
-        assert!(end(true, Ok(())).is_ok());
-        let resumed = text(end(false, Ok(())));
-        assert!(resumed.contains("within 25 s"), "{resumed}");
-        assert!(resumed.ends_with("a may serve again"), "{resumed}");
-        for moved in [true, false] {
-            let drained = text(end(moved, Err(io::Error::other("etcd is gone"))));
-            assert!(drained.contains("a is still drained"), "{drained}");
-            assert!(drained.contains("etcd is gone"), "{drained}");
-        }
+        let text = format!("{fault:#}");
+        assert!(text.contains("within 25 s"), "{text}");
+        assert!(text.ends_with("a may serve again"), "{text}");
     }
 }

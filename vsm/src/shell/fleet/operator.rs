@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::Serialize;
 use stanag_msgs::Id;
 
-use super::etcd::{Change, Etcd};
+use super::etcd::{Change, Condition, Etcd};
 use super::node::{Present, parse};
 use super::remote::Names;
 use crate::config::SharedStore;
@@ -33,6 +33,12 @@ pub struct FleetNode {
     pub present: bool,
     /// It must not serve.
     pub drained: bool,
+}
+
+/// An order not to serve that ends by itself.
+#[derive(Debug)]
+pub struct TimedDrain {
+    lease: i64,
 }
 
 /// Reads the state of a fleet, and drains and resumes nodes.
@@ -92,6 +98,32 @@ impl Operator {
     pub fn drain(&self, node: &str) -> io::Result<()> {
         let put = Change::Put(self.names.drained(node), b"1".to_vec(), None);
         self.etcd.transact(&[], &[put]).map(drop)
+    }
+
+    /// The same for this time at most, rounded down to seconds (2 s at least: etcd ends no lease sooner), or until
+    /// [`Operator::end`]: etcd ends the order where its giver is interrupted. `None` if the node is drained already.
+    ///
+    /// # Errors
+    /// etcd does not answer. An order that it has received nevertheless ends in time.
+    pub fn drain_for(&self, node: &str, time: Duration) -> io::Result<Option<TimedDrain>> {
+        let lease = self.etcd.grant(time.as_secs())?;
+        let key = self.names.drained(node);
+        // Names its lease: a request whose answer was lost finds its own value.
+        let value = lease.to_string().into_bytes();
+        let put = Change::Put(key.clone(), value.clone(), Some(lease));
+        // Not in place of another order, such as one without an end.
+        let free = Condition::CreatedAt(&key, 0);
+        let put = self.etcd.transact(&[free], &[put])?.is_some();
+        if put || (self.etcd.get(&key)?).is_some_and(|entry| entry.value == value) {
+            return Ok(Some(TimedDrain { lease }));
+        }
+        let _ = self.etcd.revoke(lease);
+        Ok(None)
+    }
+
+    /// Ends an order before its time, if etcd answers; otherwise it ends in time.
+    pub fn end(&self, drain: &TimedDrain) {
+        let _ = self.etcd.revoke(drain.lease);
     }
 
     /// Lets a node serve again.

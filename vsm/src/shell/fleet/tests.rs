@@ -15,6 +15,7 @@ use stanag_msgs::Id;
 use tokio::sync::Notify;
 
 use super::files::is_stored;
+use super::operator::Operator;
 use super::{FleetError, Held, Stop, stand_by};
 use crate::config::SharedStore;
 use crate::shell::disk::{FileDisk, NativeFileSystem};
@@ -225,6 +226,35 @@ fn a_store_that_was_begun_is_finished_by_the_node_that_began_it() {
         fs::read(folder.path().join("beta/plan")).unwrap(),
         b"of alpha"
     );
+}
+
+#[test]
+fn a_drain_of_a_move_ends_without_the_one_who_ordered_it_and_not_in_place_of_a_lasting_one() {
+    if !kit::tools::is_installed("etcd") {
+        return;
+    }
+    let (etcd, folder) = (Etcd::start(1), tempfile::tempdir().unwrap());
+    let (disk, mut alpha) = own(&etcd, "alpha", folder.path(), 7).unwrap();
+    let operator = Operator::new(&store(&etcd, "alpha"), VSM);
+    let is_drained = || operator.fleet().unwrap().nodes[0].drained;
+    // Longer than alpha takes to look, which is a third of its lease.
+    let time = Duration::from_secs(6);
+    assert!(operator.drain_for("alpha", time).unwrap().is_some());
+    assert!(operator.drain_for("alpha", time).unwrap().is_none());
+    let why = alpha.ended().blocking_recv().expect("it has the reason");
+    assert!(why.contains("drained"), "{why}");
+    assert!(is_drained());
+    drop((disk, alpha));
+    // Nobody resumes it.
+    let (_disk, alpha) = own(&etcd, "alpha", folder.path(), 7).unwrap();
+    assert_eq!(alpha.epoch, 2);
+
+    let drain = operator.drain_for("alpha", time).unwrap();
+    operator.end(&drain.expect("it is not drained"));
+    assert!(!is_drained());
+    operator.drain("alpha").unwrap();
+    assert!(operator.drain_for("alpha", time).unwrap().is_none());
+    assert!(is_drained());
 }
 
 #[test]

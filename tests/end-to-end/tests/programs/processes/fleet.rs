@@ -46,6 +46,14 @@ impl Fleet {
         Running::spawn(&mut command)
     }
 
+    /// `vsm fleet move`, under way.
+    fn moving(&self) -> Running {
+        let mut command = Command::new(program("vsm"));
+        command.args(["fleet", "move", "--config"]);
+        command.arg(self.ground.path("alpha.toml"));
+        Running::spawn(&mut command)
+    }
+
     /// `vsm fleet ...`, to its end: whether it succeeded, and what it printed.
     fn order(&self, words: &[&str]) -> (bool, String) {
         let config = self.ground.path("alpha.toml").display().to_string();
@@ -106,6 +114,21 @@ fn a_node_that_is_killed_is_replaced_and_nothing_acknowledged_is_lost() {
         "{}",
         alpha.output()
     );
+}
+
+#[test]
+fn a_move_that_is_killed_leaves_no_vehicle_without_a_ground() {
+    let Some(fleet) = Fleet::new(1) else { return };
+    let mut alpha = fleet.node("alpha");
+    alpha.wait_for("ready", START);
+    // A node that takes part, and never takes over: the move waits for it.
+    fleet.etcd.put("vsm/1b000001/node/beta", "{}");
+    let mut order = fleet.moving();
+    fails(&mut alpha, "this node is drained");
+    order.kill();
+    // As the service manager does. Nobody resumes it.
+    let mut alpha = fleet.node("alpha");
+    alpha.wait_for("ready", START);
 }
 
 /// `VSM_TAKE_OVERS=50` measures: from the kill of the node that serves until the next one does.
