@@ -45,6 +45,7 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
             other => failed(other),
         })?;
         server.reload_from(path).map_err(failed)?;
+        server.serve_until(owned.lease.clone());
         for warning in config.warnings() {
             tracing::warn!("{warning}");
         }
@@ -90,11 +91,15 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
 mod owned {
     use std::future::Pending;
     use std::pin::Pin;
+    use std::time::Instant;
+
+    use tokio::sync::watch;
 
     use super::{Config, Failure, FileDisk};
 
     pub(super) struct Owned {
         pub(super) ended: Pending<String>,
+        pub(super) lease: watch::Receiver<Option<Instant>>,
     }
 
     impl Owned {
@@ -109,8 +114,8 @@ mod owned {
         disk: FileDisk,
         _: &mut Pin<Box<impl Future<Output = ()>>>,
     ) -> Result<Option<(FileDisk, Owned)>, Failure> {
-        let ended = std::future::pending();
-        Ok(Some((disk, Owned { ended })))
+        let (ended, lease) = (std::future::pending(), watch::channel(None).1);
+        Ok(Some((disk, Owned { ended, lease })))
     }
 }
 
@@ -118,6 +123,9 @@ mod owned {
 #[cfg(feature = "etcd")]
 mod owned {
     use std::pin::Pin;
+    use std::time::Instant;
+
+    use tokio::sync::watch;
 
     use super::super::process::{announce, bad, failed};
     use super::{Config, Failure, FileDisk, service};
@@ -127,6 +135,8 @@ mod owned {
     pub(super) struct Owned {
         /// Resolves, with the reason, when this node must no longer serve.
         pub(super) ended: Pin<Box<dyn Future<Output = String>>>,
+        /// When the lease ends.
+        pub(super) lease: watch::Receiver<Option<Instant>>,
         /// Released when this is dropped.
         held: Option<Held>,
     }
@@ -146,8 +156,12 @@ mod owned {
         stop: &mut Pin<Box<impl Future<Output = ()>>>,
     ) -> Result<Option<(FileDisk, Owned)>, Failure> {
         let Some(store) = config.store.shared() else {
-            let ended = Box::pin(std::future::pending());
-            return Ok(Some((disk, Owned { ended, held: None })));
+            let owned = Owned {
+                ended: Box::pin(std::future::pending()),
+                lease: watch::channel(None).1,
+                held: None,
+            };
+            return Ok(Some((disk, owned)));
         };
         let key = key_file::read(&store.key_file).map_err(bad)?;
         let (vsm, stopped) = (config.dli.vsm_id, Stop::default());
@@ -176,8 +190,12 @@ mod owned {
                 let why = ended.recv().await;
                 why.unwrap_or_else(|| "its lease is not kept any more".to_owned())
             });
-            let held = Some(held);
-            (disk, Owned { ended, held })
+            let owned = Owned {
+                ended,
+                lease: held.lease(),
+                held: Some(held),
+            };
+            (disk, owned)
         }))
     }
 }

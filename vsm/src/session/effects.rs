@@ -190,6 +190,10 @@ impl<'a> DliEffects<'a> {
     /// Sends to the address of a station, and to the group where its profile says so: addressed to the station there too,
     /// so that it can be distinguished from what is for another. `kind`: at the address, and in the group.
     fn deliver(&mut self, station: usize, source: Id, message: &Message, kind: (Kind, Kind)) {
+        // A report of now is stale when the queue is sent again.
+        if self.outbox.paused && matches!(kind, (Kind::Report(_), _)) {
+            return;
+        }
         let Some(one) = self.stations.get(station) else {
             return;
         };

@@ -167,6 +167,8 @@ pub(crate) struct Outbox {
     alerts: VecDeque<(TimeStamp, i32)>,
     /// Which stations show which lasting alert, by its id: until its end was sent to each.
     shown: BTreeMap<i32, Vec<usize>>,
+    /// Another node may serve this VSM: nothing is sent, and reports are not queued ([`super::Bridge::pause`]).
+    pub(crate) paused: bool,
     pub(crate) sent: ByType,
 }
 

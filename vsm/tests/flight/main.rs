@@ -11,7 +11,7 @@
 //! - commands that wait, and what is flown by itself: `held_commands`, `contingencies`
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
 //! - how stations are spoken to: `station_profiles`
-//! - who may command: `guarded`, `web_clients`, `false_data`, `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`
+//! - who may command: `guarded`, `web_clients`, `false_data`, `forward`, `forged_addresses`, `operator_control`, `loss_of_authority`, `loss_action`, `paused`
 //! - payload stations: `payload`, `payload_at_waypoints`
 //! - a station of Edition 2.5: `edition_25`
 //! - reports: `status`, `equipment`, `time_of_validity`, `commanded_values`, `reports_in_time`, `health_alerts`, `configuration_phase`,
@@ -58,6 +58,7 @@ mod mission_watchdog;
 mod mode_retries;
 mod operator_control;
 mod overtaken_commands;
+mod paused;
 mod payload;
 mod payload_at_waypoints;
 mod plan_actions;

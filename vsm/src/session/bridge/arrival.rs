@@ -236,6 +236,12 @@ impl Bridge {
             return false;
         }
         self.note_received(index, now.mono);
+        // An order to erase this computer's keys is carried out by whoever receives it.
+        if self.outbox.paused && !matches!(message, Message::ZeroizeCommand(_)) {
+            // Before it is judged: where this node continues, the repetition is new to it.
+            self.counters.count(PAUSED);
+            return false;
+        }
         let commands = authority::commands(&message);
         let Some(stamp) = origin.stamp else {
             if commands {
@@ -566,6 +572,8 @@ pub(super) fn drop_name(fault: &WrapperError) -> &'static str {
 
 const NO_STAMP: &str = "a command needs its Time Stamp (field 1): without one a recording of it could not be distinguished from it";
 const UNGUARDED: &str = "guard: no trailer";
+/// The counter of what is not carried out while [`Bridge::pause`] holds.
+pub(super) const PAUSED: &str = "the lease of this node has ended";
 const ACKNOWLEDGEMENT: u16 = 17000;
 /// Commands of one station, which are logged each: 1,000 a second, 2,000 at once. An upload of 10,000 waypoints is
 /// slowed down, and sent again where it was cut.

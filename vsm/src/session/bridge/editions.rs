@@ -18,7 +18,7 @@ use stanag_msgs::wrapper::{Header, MAX_DATAGRAM};
 use stanag_msgs::{ChecksumStyle, Envelope, Id, Message, TimeStamp, ed25};
 
 use super::Bridge;
-use super::arrival::{Barred, COMMANDS, QUESTIONS, drop_name};
+use super::arrival::{Barred, COMMANDS, PAUSED, QUESTIONS, drop_name};
 use super::reach::Arriving;
 use crate::config::Edition;
 use crate::session::access::{Group, Permitted};
@@ -179,6 +179,9 @@ impl Bridge {
         self.evidence
             .note_decoded(at.cucs, frame.header.message_type);
         self.note_received(index, now.mono);
+        if self.outbox.paused {
+            return self.counters.count(PAUSED);
+        }
         let stamp = editions::stamp(frame);
         self.carry_out(now, index, (&at, stamp), taken, answered, disk);
     }

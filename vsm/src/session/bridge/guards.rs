@@ -261,6 +261,10 @@ impl Bridge {
     /// The next datagram for a guard itself, such as one that raises its stamps, and its address. It is sent as it is, in
     /// addition to [`Bridge::poll_dli`].
     pub fn poll_lift(&mut self) -> Option<(SocketAddr, Box<[u8]>)> {
+        if self.outbox.paused {
+            // Made again: any of them may be lost on its way.
+            self.lifts.clear();
+        }
         self.lifts.pop()
     }
 

@@ -449,12 +449,30 @@ impl Bridge {
 
     /// The next datagram for the DLI side.
     pub fn poll_dli(&mut self) -> Option<Datagram> {
+        if self.outbox.paused {
+            return None;
+        }
         self.next_datagram()
     }
 
     /// The next frame for a vehicle: (index of the vehicle, frame).
     pub fn poll_vehicle(&mut self) -> Option<(usize, OutFrame)> {
-        self.aircraft.poll_transmit()
+        loop {
+            let (index, frame) = self.aircraft.poll_transmit()?;
+            if !self.outbox.paused || frame.keeps_link() {
+                return Some((index, frame));
+            }
+        }
+    }
+
+    /// Pauses the bridge, or lets it continue. Paused, it answers no station and commands no vehicle: another node may serve
+    /// this VSM.
+    ///
+    /// It follows what it receives, so that it continues with the state of now. Heartbeats to the vehicles, and PINGs, continue:
+    /// they command nothing, and without them a vehicle's failsafe would begin. Other frames are lost, as on a link that is cut.
+    /// Alerts and answers to what was commanded before wait, and reports are not sent.
+    pub fn pause(&mut self, paused: bool) {
+        self.outbox.paused = paused;
     }
 
     /// The log line for a datagram that is sent to a station, if datagrams are traced.

@@ -144,6 +144,10 @@ impl Bridge {
         let Some(stamp) = self.paths.ask(now, index, address, again) else {
             return;
         };
+        // Counts as sent, since it would be due all the time: the next one follows as where one is lost.
+        if self.outbox.paused {
+            return;
+        }
         let message = Message::from(Heartbeat {
             time_stamp: Some(stamp),
         });

@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 
-use mavlink_link::frame::MAX_FRAME;
+use mavlink_link::frame::{FrameView, MAX_FRAME};
 
 /// Where a frame came from or goes to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -43,4 +43,13 @@ impl OutFrame {
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.len).unwrap_or_default()
     }
+
+    /// Whether it only keeps the link: a heartbeat, or a PING about clocks and whether we are received.
+    pub(in crate::session) fn keeps_link(&self) -> bool {
+        let view = FrameView::parse(self.bytes());
+        view.is_ok_and(|view| [HEARTBEAT, PING].contains(&view.header().message_id))
+    }
 }
+
+pub(super) const HEARTBEAT: u32 = 0;
+const PING: u32 = 4;

@@ -14,7 +14,7 @@ use mavlink_link::store::Disk;
 
 use super::budget::answer_bytes;
 use super::event::VehicleEvent;
-use super::frame::{OutFrame, Peer};
+use super::frame::{HEARTBEAT, OutFrame, Peer};
 use super::services::Services;
 use super::state::VehicleState;
 use super::{VehicleLink, auth};
@@ -267,5 +267,3 @@ fn may_change_state(command: &MavMessage) -> bool {
             | MavCmd::MAV_CMD_GUIDED_CHANGE_HEADING
     )
 }
-
-const HEARTBEAT: u32 = 0;

@@ -8,10 +8,11 @@
 //! each stamp is above every earlier one.
 //!
 //! **Fencing.** Every change compares the owner of the VSM, and the change before it: a request that the network delayed is
-//! applied after the one that it follows, or never. A node that is cut off from etcd can store nothing. It accepts no
-//! command that has to be stored first, and signs only up to the stored ceiling of its clock, some seconds. And the vehicle
-//! no longer accepts its frames once the next owner has sent one: frames are signed with rising stamps, and those of the
-//! next owner begin above that ceiling. That is why each vehicle of such a VSM has a signing key.
+//! applied after the one that it follows, or never. A node that is cut off from etcd can store nothing. Its lease ends by its
+//! own clock before it ends in etcd, and then it answers no station and commands no vehicle, until etcd has renewed the lease.
+//! It signs only up to the stored ceiling of its clock, some seconds. And the vehicle no longer accepts its frames once the
+//! next owner has sent one: frames are signed with rising stamps, and those of the next owner begin above that ceiling. That
+//! is why each vehicle of such a VSM has a signing key.
 //!
 //! The unit is the VSM with all its vehicles, since a CUCS reaches the vehicles of a VSM at one address. To spread a fleet over
 //! computers, give it several VSMs.

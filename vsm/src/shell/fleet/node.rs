@@ -10,7 +10,7 @@ use std::time::{Duration, Instant, SystemTime};
 use mavlink_link::signing::SigningKey;
 use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 
 use super::etcd::{Change, Condition, Entry, Etcd};
 use super::files::{SharedFiles, is_stored};
@@ -98,6 +98,7 @@ pub struct Held {
     /// How often the VSM has changed its owner.
     pub epoch: u64,
     ended: Option<mpsc::Receiver<String>>,
+    lease: watch::Receiver<Option<Instant>>,
     /// Ends the lease when dropped, so that the next node need not wait until it expires.
     _keeper: Keeper,
 }
@@ -110,6 +111,13 @@ struct Keeper {
 }
 
 impl Held {
+    /// When the lease ends by this node's clock, which each renewal moves: the node may serve until then. The next one owns the
+    /// VSM later.
+    #[must_use]
+    pub fn lease(&self) -> watch::Receiver<Option<Instant>> {
+        self.lease.clone()
+    }
+
     /// Receives the reason, once, when this node must stop serving.
     #[must_use]
     pub fn ended(&mut self) -> mpsc::Receiver<String> {
@@ -158,9 +166,8 @@ pub fn stand_by(
         match node.try_once(&etcd) {
             Ok(Turn::Owner(created, sent, epoch)) => {
                 let right = Right {
-                    // From the time the request was sent, not answered: etcd counts from somewhere in between.
                     created,
-                    until: sent + ttl,
+                    until: Right::until(sent, ttl),
                 };
                 break (etcd, right, epoch);
             }
@@ -202,6 +209,7 @@ pub fn stand_by(
     let held = Held {
         epoch,
         ended: Some(ended),
+        lease: remote.until(),
         _keeper: keeper,
     };
     Ok(Some((disk, held)))
@@ -549,7 +557,7 @@ impl Keep {
                     let over = Instant::now() >= self.remote.right().until;
                     if over && !std::mem::replace(&mut lapsed, true) {
                         tracing::error!(
-                            "the lease of this node has ended without an answer of etcd: it takes no commands until there is one: {cause}"
+                            "the lease of this node has ended without an answer of etcd: it answers no station and commands no vehicle until there is one: {cause}"
                         );
                     }
                 }
@@ -580,7 +588,7 @@ impl Keep {
             let created = self.remote.right().created;
             self.remote.set_right(Right {
                 created,
-                until: sent + self.ttl,
+                until: Right::until(sent, self.ttl),
             });
             let drained = etcd.get(&self.node.names.drained(&self.node.name))?;
             self.node.follow(revision);
@@ -613,7 +621,7 @@ impl Keep {
             });
             self.remote.set_right(Right {
                 created,
-                until: sent + self.ttl,
+                until: Right::until(sent, self.ttl),
             });
             return Ok(None);
         }

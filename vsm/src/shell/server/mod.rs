@@ -29,8 +29,8 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use tokio::net::{TcpListener, UnixListener};
-use tokio::sync::Notify;
 use tokio::sync::mpsc::UnboundedReceiver;
+use tokio::sync::{Notify, watch};
 use tokio::task::LocalSet;
 
 use self::forward::ForwardReader;
@@ -114,6 +114,12 @@ impl Server {
         };
         self.reload = Some((path.to_owned(), listener));
         Ok(())
+    }
+
+    /// Answers no station and commands no vehicle after the time that this shows, which another thread moves: the end of this
+    /// node's lease of the VSM.
+    pub fn serve_until(&mut self, lease: watch::Receiver<Option<Instant>>) {
+        self.shared.core.borrow_mut().lease = lease;
     }
 
     /// Resolves the host names of a reload, on a separate thread, in place of the system's resolver.

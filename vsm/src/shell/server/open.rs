@@ -9,7 +9,7 @@ use std::sync::Arc;
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
 use tokio::net::TcpListener;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, watch};
 use zeroize::Zeroize as _;
 
 use super::encryption::open_encryption;
@@ -170,6 +170,7 @@ impl Server {
                 encryptions,
                 guard_thread,
                 web: Clients::default(),
+                lease: watch::channel(None).1,
             }),
             outgoing: Notify::new(),
             timing: Notify::new(),

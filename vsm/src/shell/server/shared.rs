@@ -3,10 +3,10 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use mavlink_link::Now;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, watch};
 
 use super::forward::OpenForward;
 use super::guard_thread::GuardThread;
@@ -93,9 +93,18 @@ pub(super) struct Core {
     pub(super) guard_thread: GuardThread,
     /// The web clients that are connected.
     pub(super) web: Clients,
+    /// When this node's lease of the VSM ends, where several nodes share its store.
+    pub(super) lease: watch::Receiver<Option<Instant>>,
 }
 
 impl Core {
+    /// Lets the bridge answer and command while this node's lease lasts, and no longer.
+    pub(super) fn keep_to_lease(&mut self) {
+        let until = *self.lease.borrow();
+        self.bridge
+            .pause(until.is_some_and(|until| Instant::now() >= until));
+    }
+
     /// Passes received messages to the key exchanges, and does what is due.
     fn step_exchanges(&mut self, now: Now, in_use: Option<usize>, events: &RefCell<Events>) {
         self.each_exchange(|index, exchange, with| {
@@ -164,6 +173,7 @@ impl Shared {
     /// Calls the bridge, then handles what follows from the call.
     pub(super) fn with<T>(&self, act: impl FnOnce(&mut Core, Now) -> T) -> T {
         let mut core = self.core.borrow_mut();
+        core.keep_to_lease();
         let now = self.clock.now();
         let done = act(&mut core, now);
         core.step_exchanges(now, None, &self.events);

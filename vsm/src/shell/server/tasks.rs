@@ -243,6 +243,8 @@ pub(super) async fn send(
         // computer that is not on the network stay in the send buffer for three seconds, until ARP gives up, and anybody
         // there can make the VSM answer an address that nobody has.
         loop {
+            // For each datagram: a process that stood still continues anywhere.
+            shared.core.borrow_mut().keep_to_lease();
             let sealed = shared.core.borrow_mut().poll_encrypted(shared.clock.mono());
             if let Some((writer, to, bytes)) = sealed {
                 if !write_bytes(&bytes, to, &writer) {

@@ -191,7 +191,13 @@ fn without_etcd_a_node_takes_no_command_and_continues_when_it_is_back() {
     fleet.etcd.kill_member(0);
     station(&fleet.ground, "prepare", &[&alpha, &aircraft]);
     fleet.etcd.kill_member(1);
-    alpha.wait_for("it takes no commands until there is one", START);
+    alpha.wait_for(
+        "it answers no station and commands no vehicle until there is one",
+        START,
+    );
+    let discover = ["--vsm", &fleet.ground.dli(), "discover"];
+    let (answered, printed) = kit::process::run_in(&fleet.ground.path(""), "cucs", &discover);
+    assert!(!answered, "{}", String::from_utf8_lossy(&printed));
     fleet.etcd.start_member(0);
     alpha.wait_for("etcd has renewed the lease of this node", START);
     // Its own state, and the same link: nothing was started again.
