@@ -10,6 +10,7 @@ import gzip
 import json
 import sys
 import time
+from urllib.parse import parse_qs, urlsplit
 
 from browser import ANSWER_WITHIN_MS, LOOKS, Browser
 from checks import Checks
@@ -300,12 +301,22 @@ def with_a_thousand_vehicles(checks, browser, url):
         for n in range(VEHICLES)
     ]
     turn = [0]
+    details = []
+
+    def row(vehicle):
+        short = {key: vehicle[key] for key in ("id", "tail_number", "live", "on_ground", "position", "battery_percent", "controller")}
+        link = {key: vehicle["link"][key] for key in ("signed", "arrives")}
+        return short | {"alert_count": len(vehicle["alerts"]), "link": link}
 
     def status(route):
         turn[0] += 1
+        of = parse_qs(urlsplit(route.request.url).query, keep_blank_values=True).get("details")
+        details.append(of and of[0])
         north, east, amsl_m = one["position"]
         places = [[north + (n // 40) * 2e-4 + turn[0] * 1e-5, east + (n % 40) * 3e-4, amsl_m] for n in range(VEHICLES)]
-        route.fulfill(json=body | {"vehicles": [one | name | {"position": place} for name, place in zip(named, places)]})
+        vehicles = [one | name | {"position": place} for name, place in zip(named, places)]
+        # As the bridge does: no id of these is a part of another.
+        route.fulfill(json=body | {"vehicles": [each if of is None or each["id"] == of[0] else row(each) for each in vehicles]})
 
     def shapes(route):
         route.fulfill(json=[shape | {"id": name["id"]} for name in named])
@@ -348,6 +359,7 @@ def with_a_thousand_vehicles(checks, browser, url):
     page.locator("#choice").select_option(label="UAV-0777 (1b:00:03:09)")
     opened.until("document.getElementById('vehicle-title').textContent.includes('UAV-0777')")
     checks.check("one of them is found by its name, and drawn whole", page.locator(".aircraft").count() == 1)
+    checks.check("the bridge is asked for all of that one alone", details[-1] == "1b:00:03:09" and None not in details[1:], details[:2] + details[-2:])
     checks.check("the console is empty", not opened.complaints, opened.complaints)
     opened.close()
 

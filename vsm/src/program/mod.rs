@@ -36,6 +36,7 @@ use mavlink_link::store::remedy;
 
 use self::config_arg::ConfigArg;
 use self::process::{Failure, LogFormat, announce};
+use crate::session::VehiclePattern;
 use crate::shell::key_file;
 
 /// A bridge from STANAG 4586 (AEP-84) to PX4 over signed MAVLink 2.
@@ -87,7 +88,7 @@ enum Command {
         json: bool,
         /// Show the vehicles of which this is a part of the id or tail number, such as 01:2a, or with * for any text the whole, such as 'UAV-1*'
         #[arg(long, value_name = "PATTERN")]
-        vehicle: Option<status_vehicles::Pattern>,
+        vehicle: Option<VehiclePattern>,
     },
     /// Find out what does not work: one line of cause and cure each, of the running bridge, else of this computer
     Doctor {

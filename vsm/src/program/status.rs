@@ -6,6 +6,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::config::Config;
+use crate::session::VehiclePattern;
 use crate::shell::guard_agreed::AgreedFiles;
 use crate::shell::status_socket;
 use anyhow::Context as _;
@@ -13,11 +14,11 @@ use serde_json::{Value, json};
 use stanag_msgs::enums::LoiBitmap;
 
 use super::process::{Failure, bad, failed, print, waiting};
-use super::status_vehicles::{self as vehicles, Pattern, list};
+use super::status_vehicles::{self as vehicles, list};
 pub(super) use super::status_vehicles::{counts, encryption, plain};
 
 /// `only`: of which vehicles; all where there is none.
-pub(crate) fn show(path: &Path, json: bool, only: Option<&Pattern>) -> Result<(), Failure> {
+pub(crate) fn show(path: &Path, json: bool, only: Option<&VehiclePattern>) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
     let Some(only) = only else {
         return report("vsm", &config.store.dir, json, |status| {

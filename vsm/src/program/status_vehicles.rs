@@ -1,64 +1,23 @@
 //! Which vehicles `vsm status` shows, what of each, and how many of them are in which state.
 
-use std::str::FromStr;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde_json::Value;
 
-/// Chooses vehicles: a part of an id or tail number, or with `*`, which is any text, the whole of one. Of either case.
-#[derive(Debug, Clone)]
-pub(crate) struct Pattern(String);
-
-impl FromStr for Pattern {
-    type Err = &'static str;
-
-    fn from_str(text: &str) -> Result<Pattern, Self::Err> {
-        match text.trim() {
-            "" => Err(
-                "expected a part of an id or tail number, or the whole of it with * for any text",
-            ),
-            text => Ok(Pattern(text.to_lowercase())),
-        }
-    }
-}
-
-impl Pattern {
-    fn matches(&self, vehicle: &Value) -> bool {
-        let mut names = [plain(&vehicle["id"]), plain(&vehicle["tail_number"])].into_iter();
-        names.any(|name| self.matches_name(&name.to_lowercase()))
-    }
-
-    fn matches_name(&self, name: &str) -> bool {
-        let Some((first, rest)) = self.0.split_once('*') else {
-            return name.contains(&self.0);
-        };
-        // Whatever follows an asterisk is found as early as possible, but for the end, which is at the end.
-        let (between, last) = rest.rsplit_once('*').unwrap_or(("", rest));
-        let Some(mut left) = name.strip_prefix(first) else {
-            return false;
-        };
-        for part in between.split('*') {
-            match left.find(part) {
-                Some(at) => left = &left[at + part.len()..],
-                None => return false,
-            }
-        }
-        left.ends_with(last)
-    }
-}
+use crate::session::VehiclePattern;
 
 /// Leaves only the vehicles of a pattern, and the rights over them.
 ///
 /// # Errors
 /// There is none.
-pub(super) fn narrow(status: &mut Value, to: &Pattern) -> anyhow::Result<()> {
+pub(super) fn narrow(status: &mut Value, to: &VehiclePattern) -> anyhow::Result<()> {
     let ids = |status: &Value| -> Vec<String> {
         let all = list(&status["vehicles"]);
         all.map(|one| plain(&one["id"]).to_owned()).collect()
     };
     let all = ids(status);
     if let Some(vehicles) = status["vehicles"].as_array_mut() {
-        vehicles.retain(|one| to.matches(one));
+        vehicles.retain(|one| to.matches(plain(&one["id"]), plain(&one["tail_number"])));
     }
     let kept = ids(status);
     if kept.is_empty() {
@@ -69,7 +28,7 @@ pub(super) fn narrow(status: &mut Value, to: &Pattern) -> anyhow::Result<()> {
         };
         anyhow::bail!(
             "no vehicle has {:?} in its id or tail number: {there_are}",
-            to.0
+            to.text()
         );
     }
     if let Some(rights) = status["rights"].as_array_mut() {
@@ -305,34 +264,6 @@ mod tests {
         list(&status["vehicles"])
             .map(|one| plain(&one["id"]))
             .collect()
-    }
-
-    #[test]
-    fn a_pattern_is_a_part_of_a_name_or_with_asterisks_the_whole() {
-        let name = vehicle(10, true, None, None);
-        for (pattern, matches) in [
-            ("uav", true),
-            ("01:0a", true),
-            ("UAV-10", true),
-            ("UAV-1", true),
-            ("UAV-2", false),
-            ("uav-*", true),
-            ("*10", true),
-            ("*1*", true),
-            ("U*V*0", true),
-            ("*", true),
-            ("uav", true),
-            ("10*", false),
-            ("*uav", false),
-            ("uav-10*0", false),
-            ("1b:*:0A", true),
-        ] {
-            let pattern: Pattern = pattern.parse().expect("a pattern");
-            assert_eq!(pattern.matches(&name), matches, "{pattern:?}");
-        }
-        for empty in ["", "  "] {
-            assert!(empty.parse::<Pattern>().is_err());
-        }
     }
 
     #[test]

@@ -108,6 +108,7 @@ pub(crate) mod trace;
 pub(crate) mod trigger;
 pub(crate) mod turns;
 mod two_steps;
+mod vehicle_pattern;
 pub mod web;
 mod zeroize;
 
@@ -143,3 +144,4 @@ pub use log::{LogEntry, LogLevel};
 pub use outbox::{Datagram, Destination};
 pub use reports::VehicleSettings;
 pub(crate) use store::vehicle_record;
+pub use vehicle_pattern::VehiclePattern;

@@ -1,7 +1,7 @@
 //! What the bridge is doing, for `vsm status` and /status.json. Keys are named by their id only.
 
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
@@ -9,7 +9,7 @@ use mapping::payload::report::{Ground, Station};
 use mapping::payload::{Equipment, Payloads};
 use mapping::route::Curved;
 use mapping::telemetry::Telemetry;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use stanag_msgs::table;
 
 use super::Bridge;
@@ -25,6 +25,7 @@ use crate::session::guard::GuardStatus;
 use crate::session::link::encryption_status::EncryptionStatus;
 use crate::session::link::key_agreement::ExchangeStatus;
 use crate::session::payload;
+use crate::session::vehicle_pattern::VehiclePattern;
 use crate::session::web::WebStatus;
 
 /// The whole bridge.
@@ -62,9 +63,23 @@ pub struct Status {
     /// The access list; `None` if none is configured.
     pub access: Option<AccessStatus>,
     /// The vehicles.
+    #[serde(serialize_with = "serialize_vehicles")]
     pub vehicles: Vec<VehicleStatus>,
     /// Other ground stations.
     pub forwards: Vec<ForwardStatus>,
+}
+
+impl Status {
+    /// Leaves the details of the vehicles that one of these patterns chooses, and the rights over them. Of each other vehicle the
+    /// document has what a list shows.
+    pub fn keep_details(&mut self, of: &[VehiclePattern]) {
+        for one in &mut self.vehicles {
+            one.whole = (of.iter()).any(|pattern| pattern.matches(&one.id, &one.tail_number));
+        }
+        let whole = self.vehicles.iter().filter(|one| one.whole);
+        let whole: BTreeSet<&str> = whole.map(|one| one.id.as_str()).collect();
+        self.rights.retain(|row| whole.contains(&*row.vehicle));
+    }
 }
 
 /// A line of the log.
@@ -106,6 +121,9 @@ pub struct StationStatus {
 /// One vehicle.
 #[derive(Debug, Clone, Serialize)]
 pub struct VehicleStatus {
+    /// Whether the document has all of it, or a [`VehicleRow`].
+    #[serde(skip)]
+    pub whole: bool,
     /// Vehicle ID.
     pub id: String,
     /// Tail Number.
@@ -150,6 +168,71 @@ pub struct VehicleStatus {
     pub rally_points: Option<RallyStatus>,
     /// Its MAVLink.
     pub link: LinkStatus,
+}
+
+/// What a list and a map of very many vehicles show of one: under 250 bytes of JSON.
+#[derive(Debug, Serialize)]
+struct VehicleRow<'a> {
+    id: &'a str,
+    tail_number: &'a str,
+    live: bool,
+    on_ground: Option<bool>,
+    /// To the centimetre: more digits would be a third of the row.
+    position: Option<[f64; 3]>,
+    battery_percent: Option<u8>,
+    controller: Option<&'a str>,
+    alert_count: usize,
+    link: LinkRow,
+}
+
+/// Whether what arrives is signed.
+#[derive(Debug, Serialize)]
+struct LinkRow {
+    signed: bool,
+    arrives: Option<&'static str>,
+}
+
+impl VehicleRow<'_> {
+    fn of(vehicle: &VehicleStatus) -> VehicleRow<'_> {
+        let rounded = |value: f64, parts: f64| (value * parts).round() / parts;
+        let place = |[north, east, amsl_m]: [f64; 3]| {
+            [
+                rounded(north, 1e7),
+                rounded(east, 1e7),
+                rounded(amsl_m, 1e2),
+            ]
+        };
+        VehicleRow {
+            id: &vehicle.id,
+            tail_number: &vehicle.tail_number,
+            live: vehicle.live,
+            on_ground: vehicle.on_ground,
+            position: vehicle.position.map(place),
+            battery_percent: vehicle.battery_percent,
+            controller: vehicle.controller.as_deref(),
+            alert_count: vehicle.alerts.len(),
+            link: LinkRow {
+                signed: vehicle.link.signed,
+                arrives: vehicle.link.arrives,
+            },
+        }
+    }
+}
+
+fn serialize_vehicles<S: Serializer>(
+    vehicles: &[VehicleStatus],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    #[serde(untagged)]
+    enum Shown<'a> {
+        Whole(&'a VehicleStatus),
+        Row(VehicleRow<'a>),
+    }
+    serializer.collect_seq(vehicles.iter().map(|one| match one.whole {
+        true => Shown::Whole(one),
+        false => Shown::Row(VehicleRow::of(one)),
+    }))
 }
 
 /// The motion of a vehicle, as reported.
@@ -365,6 +448,7 @@ impl Bridge {
             let (link, rights) = (&aircraft.link, aircraft.authority.rights());
             let uploaded = aircraft.mission.uploaded();
             VehicleStatus {
+                whole: true,
                 id: aircraft.id().to_string(),
                 tail_number: aircraft.config.tail_number.clone(),
                 live: aircraft.vehicle.live(),
@@ -592,4 +676,119 @@ fn handovers(aircraft: &Aircraft) -> Vec<HandoverStatus> {
         },
     });
     pending.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::Value;
+
+    use super::*;
+
+    fn vehicle(n: u16) -> VehicleStatus {
+        let [high, low] = n.to_be_bytes();
+        let alert = AlertStatus {
+            id: 7,
+            priority: "warning".to_owned(),
+            text: "no data from the vehicle: state unknown".to_owned(),
+            acknowledged: Vec::new(),
+        };
+        VehicleStatus {
+            whole: true,
+            id: format!("1b:00:{high:02x}:{low:02x}"),
+            tail_number: format!("UAV-{n:04}"),
+            live: true,
+            mode: Some("AUTO.LOITER"),
+            armed: Some(true),
+            position: Some([
+                -47.397_742_123_456_7 + f64::from(n) * 1e-4,
+                -122.545_593_812_345_6,
+                1_488.123_456_7,
+            ]),
+            motion: motion(&Telemetry::default()),
+            battery_percent: Some(100),
+            on_ground: Some(false),
+            flies_to: Some(25),
+            alerts: vec![alert; 2],
+            looks_at: Vec::new(),
+            controller: Some("1b:00:00:a0".to_owned()),
+            operator_control: None,
+            rights: BTreeMap::new(),
+            holders: Vec::new(),
+            handovers: Vec::new(),
+            mission_items: Some(30),
+            mission_curves: None,
+            altitude_band: BandStatus {
+                lowest_m: Some(2.0),
+                highest_m: Some(120.0),
+                outside: false,
+            },
+            rally_points: None,
+            link: LinkStatus {
+                signed: true,
+                arrives: Some("verified"),
+                ..LinkStatus::recorded(true)
+            },
+        }
+    }
+
+    fn rights(vehicle: &VehicleStatus) -> RightsStatus {
+        RightsStatus {
+            cucs: "1b:00:00:a0".to_owned(),
+            vehicle: vehicle.id.clone(),
+            may_hold: 30,
+            holds: 30,
+            entries: Vec::new(),
+        }
+    }
+
+    fn of(vehicles: Vec<VehicleStatus>) -> Status {
+        Status {
+            vsm: "1b:00:00:01".to_owned(),
+            uptime_s: 1.0,
+            warnings: Vec::new(),
+            refused: Counters::default(),
+            set_aside: Counters::default(),
+            recordings: Counters::default(),
+            received: ByType::default(),
+            sent: ByType::default(),
+            message_names: BTreeMap::new(),
+            held: 0,
+            findings: Vec::new(),
+            logged: Vec::new(),
+            stations: Vec::new(),
+            rights: vehicles.iter().map(rights).collect(),
+            access: None,
+            vehicles,
+            forwards: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn of_a_thousand_vehicles_all_but_the_chosen_are_short_rows() {
+        let mut status = of((0..1_000).map(vehicle).collect());
+        let parsed = |text: &str| serde_json::from_str::<Value>(text).unwrap();
+        let all = parsed(&serde_json::to_string(&status).unwrap());
+        let chosen: VehiclePattern = "1b:00:00:02".parse().unwrap();
+        status.keep_details(&[chosen]);
+        let text = serde_json::to_string(&status).unwrap();
+        let whole = all["vehicles"][2].to_string().len();
+        assert!(text.len() < 250 * 1_000 + whole, "{}", text.len());
+
+        let short = parsed(&text);
+        assert_eq!(short["vehicles"][2], all["vehicles"][2]);
+        assert_eq!(short["rights"].as_array().unwrap().len(), 1);
+        assert_eq!(short["rights"][0]["vehicle"], "1b:00:00:02");
+        let (row, of) = (&short["vehicles"][3], &all["vehicles"][3]);
+        for key in ["id", "tail_number", "live", "on_ground", "controller"] {
+            assert_eq!(row[key], of[key], "{key}");
+        }
+        assert!(text.contains(",-122.5455938,1488.12]"), "{row}");
+        assert_eq!(row["alert_count"], 2);
+        assert_eq!(row["link"]["arrives"], "verified");
+        assert_eq!(row.get("motion"), None);
+
+        status.keep_details(&[]);
+        assert!(status.rights.is_empty());
+        assert!(status.vehicles.iter().all(|one| !one.whole));
+    }
 }

@@ -125,6 +125,7 @@ impl Timeline {
         let controls = |one: &&HolderStatus| LoiBitmap::from_raw(one.loi).intersects(CONTROL);
         let mode = sample.and_then(|sample| sample.mode);
         VehicleStatus {
+            whole: true,
             id: id.to_string(),
             tail_number: known
                 .and_then(|known| known.tail_number.at(moment))

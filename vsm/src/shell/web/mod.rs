@@ -406,6 +406,17 @@ mod tests {
             assert_eq!(code(address, "/status.json?at=7", &host).await, "200");
             assert_eq!(code(address, "/status.json?at=7&at=8", &host).await, "400");
             assert_eq!(code(address, "/map.json?from=7", &host).await, "400");
+            let many = format!("/status.json?details={}", "a,".repeat(17));
+            for (target, expected) in [
+                (many.as_str(), "400"),
+                ("/status.json?details=", "200"),
+                ("/status.json?details=1b:00:00:02,UAV-1*&at=7", "200"),
+                ("/status.json?details=a&details=b", "400"),
+                ("/map.json?details=a", "400"),
+                ("/events.json?details=a", "400"),
+            ] {
+                assert_eq!(code(address, target, &host).await, expected, "{target}");
+            }
             assert_eq!(code(address, "/page.json", &host).await, "200");
             assert_eq!(code(address, "/map.json", &host).await, "200");
             let metrics = get(address, "/metrics", &host).await;
@@ -499,14 +510,14 @@ mod tests {
         let mut kept = Kept::default();
         for _ in 0..20 {
             let (to, mut answer) = tokio::sync::oneshot::channel();
-            Query::Status(None, to).answer(&Counted(&asked), &mut kept);
+            Query::Status(None, None, to).answer(&Counted(&asked), &mut kept);
             assert!(answer.try_recv().is_ok_and(|body| !body.is_empty()));
         }
         assert!(asked.get() <= 2, "{}", asked.get());
         std::thread::sleep(Duration::from_millis(210));
         let (to, _answer) = tokio::sync::oneshot::channel();
         let before = asked.get();
-        Query::Status(None, to).answer(&Counted(&asked), &mut kept);
+        Query::Status(None, None, to).answer(&Counted(&asked), &mut kept);
         assert_eq!(asked.get(), before + 1);
     }
 

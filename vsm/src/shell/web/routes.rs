@@ -18,12 +18,13 @@ use tokio::time::Instant;
 use super::metrics;
 use super::source::{PageInfo, Source};
 use super::tiles::{Tiles, TilesInfo};
+use crate::session::VehiclePattern;
 
 /// A question to the bridge, and where its answer goes: JSON, or the text of /metrics.
 #[derive(Debug)]
 pub(super) enum Query {
     Page(oneshot::Sender<Bytes>),
-    Status(Moment, oneshot::Sender<Bytes>),
+    Status(Moment, Details, oneshot::Sender<Bytes>),
     Map(Moment, oneshot::Sender<Bytes>),
     Events(u64, Moment, oneshot::Sender<Bytes>),
     Tracks(oneshot::Sender<Bytes>),
@@ -32,6 +33,9 @@ pub(super) enum Query {
 
 /// Of a recording, since 1970; none is now.
 type Moment = Option<Duration>;
+
+/// Of which vehicles everything is given; none is of all.
+type Details = Option<Vec<VehiclePattern>>;
 
 impl Query {
     /// Answers it; the client may be gone.
@@ -45,44 +49,53 @@ impl Query {
                 };
                 to.send(json(&page).into())
             }
-            Query::Status(at, to) => to.send(kept.status.get(at, || json(&source.status(at)))),
-            Query::Map(at, to) => to.send(kept.map.get(at, || json(&source.map(at)))),
+            Query::Status(at, details, to) => {
+                let compose = |(at, details): &(Moment, Details)| {
+                    let mut status = source.status(*at);
+                    if let Some(of) = details {
+                        status.keep_details(of);
+                    }
+                    json(&status)
+                };
+                to.send(kept.status.get((at, details), compose))
+            }
+            Query::Map(at, to) => to.send(kept.map.get(at, |at| json(&source.map(*at)))),
             Query::Events(from, at, to) => to.send(json(&source.events(from, at)).into()),
             Query::Tracks(to) => to.send(json(&source.tracks()).into()),
             Query::Metrics(to) => {
-                let compose = || metrics::text(&source.status(None));
-                to.send(kept.metrics.get(None, compose))
+                let compose = |(): &()| metrics::text(&source.status(None));
+                to.send(kept.metrics.get((), compose))
             }
         };
     }
 }
 
-/// What was answered last: however many ask, the thread that flies composes it a few times a second.
+/// What was answered last: however many ask the same, the thread that flies composes it a few times a second.
 #[derive(Debug, Default)]
 pub(super) struct Kept {
     pub(super) tiles: Option<TilesInfo>,
-    status: Answer,
-    map: Answer,
-    metrics: Answer,
+    status: Answer<(Moment, Details)>,
+    map: Answer<Moment>,
+    metrics: Answer<()>,
 }
 
 #[derive(Debug, Default)]
-struct Answer(Option<Composed>);
+struct Answer<Q>(Option<Composed<Q>>);
 
 #[derive(Debug)]
-struct Composed {
-    of: Moment,
+struct Composed<Q> {
+    of: Q,
     body: Bytes,
     until: Instant,
 }
 
-impl Answer {
-    fn get(&mut self, of: Moment, compose: impl FnOnce() -> String) -> Bytes {
+impl<Q: PartialEq> Answer<Q> {
+    fn get(&mut self, of: Q, compose: impl FnOnce(&Q) -> String) -> Bytes {
         let began = Instant::now();
         match &self.0 {
             Some(kept) if kept.of == of && began < kept.until => kept.body.clone(),
             _ => {
-                let body = Bytes::from(compose());
+                let body = Bytes::from(compose(&of));
                 let took = began.elapsed();
                 let until = began + KEPT.max(took * ONE_PART_IN);
                 let kept = Composed {
@@ -135,40 +148,72 @@ pub(super) fn all(queries: Queries, tiles: Option<Arc<Tiles>>) -> Router {
 
 async fn status(State(to): State<Queries>, RawQuery(query): RawQuery) -> Response<Body> {
     match asked(query) {
-        Some((None, at)) => ask(to, |answer| Query::Status(at, answer), JSON).await,
+        Some(Asked {
+            from: None,
+            at,
+            details,
+        }) => ask(to, |answer| Query::Status(at, details, answer), JSON).await,
         _ => text(StatusCode::BAD_REQUEST, EXPECTED),
     }
 }
 
 async fn map(State(to): State<Queries>, RawQuery(query): RawQuery) -> Response<Body> {
     match asked(query) {
-        Some((None, at)) => ask(to, |answer| Query::Map(at, answer), JSON).await,
+        Some(Asked {
+            from: None,
+            at,
+            details: None,
+        }) => ask(to, |answer| Query::Map(at, answer), JSON).await,
         _ => text(StatusCode::BAD_REQUEST, EXPECTED),
     }
 }
 
 async fn events(State(to): State<Queries>, RawQuery(query): RawQuery) -> Response<Body> {
     match asked(query) {
-        Some((from, at)) => {
+        Some(Asked {
+            from,
+            at,
+            details: None,
+        }) => {
             let from = from.unwrap_or(0);
             ask(to, |answer| Query::Events(from, at, answer), JSON).await
         }
-        None => text(StatusCode::BAD_REQUEST, EXPECTED),
+        _ => text(StatusCode::BAD_REQUEST, EXPECTED),
     }
 }
 
-/// from=NUMBER and at=MILLISECONDS, each at most once; `None` of anything else.
-fn asked(query: Option<String>) -> Option<(Option<u64>, Moment)> {
-    let (mut from, mut at) = (None, None);
+/// What the part of an address behind `?` asks for.
+#[derive(Debug, Default)]
+struct Asked {
+    from: Option<u64>,
+    at: Moment,
+    details: Details,
+}
+
+/// from=NUMBER, at=MILLISECONDS and details=PATTERN,.., each at most once; `None` of anything else.
+fn asked(query: Option<String>) -> Option<Asked> {
+    let Asked {
+        mut from,
+        mut at,
+        mut details,
+    } = Asked::default();
     let query = query.unwrap_or_default();
     for pair in query.split('&').filter(|pair| !pair.is_empty()) {
         match pair.split_once('=')? {
             ("from", number) if from.is_none() => from = Some(number.parse().ok()?),
             ("at", ms) if at.is_none() => at = Some(Duration::from_millis(ms.parse().ok()?)),
+            ("details", of) if details.is_none() => {
+                let each = of.split(',').filter(|pattern| !pattern.is_empty());
+                let each: Vec<VehiclePattern> =
+                    each.map(str::parse).collect::<Result<_, _>>().ok()?;
+                // The thread that flies compares each with every vehicle.
+                details = Some(each).filter(|each| each.len() <= MAX_DETAILS);
+                details.as_ref()?;
+            }
             _ => return None,
         }
     }
-    Some((from, at))
+    Some(Asked { from, at, details })
 }
 
 async fn ask(
@@ -236,6 +281,8 @@ fn response(code: StatusCode, kind: &'static str, body: Body) -> Response<Body> 
     response
 }
 
+/// Patterns in one request.
+const MAX_DETAILS: usize = 16;
 const KEPT: Duration = Duration::from_millis(200);
 /// Of a thousand vehicles an answer takes milliseconds of the thread that flies: that is one part in so many of its time.
 const ONE_PART_IN: u32 = 30;
@@ -245,7 +292,8 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
     connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 const THERE_ARE: &str = "expected one of /, /page.json, /status.json, /map.json, /events.json, /tracks.json, /metrics and, with [web] tiles, /tiles/ZOOM/X/Y\n";
 const EXPECTED: &str = "expected /events.json?from=NUMBER, the number of the first event to show; of a recording at=MS too, the \
-    milliseconds since 1970 of a moment, as /status.json and /map.json take it\n";
+    milliseconds since 1970 of a moment, as /status.json and /map.json take it; or /status.json?details=PATTERN,.., the vehicles to show \
+    whole by parts of their ids or tail numbers\n";
 const ONLY_GET: &str = "expected GET: this page accepts no commands\n";
 
 macro_rules! assets {

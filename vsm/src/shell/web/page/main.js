@@ -2,7 +2,7 @@
 
 import { Control } from "./control.js";
 import { VehicleList } from "./list.js";
-import { VehiclesMap } from "./map.js";
+import { MANY, VehiclesMap } from "./map.js";
 import { addEvents, drawBridge, drawEvents, drawVehicle } from "./panel.js";
 import { drawProfile } from "./profile.js";
 import { TimeLine } from "./replay.js";
@@ -17,7 +17,7 @@ const WITHIN_MS = 3000;
 const TRACKS_WITHIN_MS = 30_000;
 
 const map = new VehiclesMap(document.getElementById("map"));
-const list = new VehicleList(() => { drawShapes(); draw(); });
+const list = new VehicleList(choose);
 const units = document.getElementById("units");
 const connection = document.getElementById("connection");
 
@@ -39,7 +39,15 @@ async function read(path, withinMs = WITHIN_MS) {
   return answer;
 }
 
-const chosen = () => list.chosen;
+/** The vehicle that is shown; none until all of it is here. */
+const chosen = () => (list.chosen?.motion ? list.chosen : undefined);
+
+/** Another one is chosen: of very many, what its list does not show is read at once. */
+function choose() {
+  drawShapes();
+  draw();
+  if (!chosen() && !running) refresh();
+}
 
 function draw() {
   const vehicle = chosen();
@@ -53,7 +61,7 @@ function draw() {
 }
 
 function drawShapes() {
-  map.drawShapes(shapes, chosen()?.id);
+  map.drawShapes(shapes, list.chosen?.id);
 }
 
 function connected(text, kind) {
@@ -92,6 +100,13 @@ function sought(elsewhere) {
   if (!running) refresh();
 }
 
+/** `many`: all of the one vehicle that is shown, and rows for the list of the others. How many there are is not known at first. */
+async function readStatus(many) {
+  const of = [timeLine && `at=${timeLine.at}`, many && `details=${list.chosen?.id ?? ""}`].filter(Boolean).join("&");
+  const found = await (await read(`status.json${of && `?${of}`}`)).json();
+  return many && found.vehicles.length <= MANY ? readStatus(false) : found;
+}
+
 async function show() {
   if (!begun) {
     await begin();
@@ -101,7 +116,7 @@ async function show() {
   timeLine?.tick();
   const of = timeLine ? `?at=${timeLine.at}` : "";
   const uptime = status?.uptime_s;
-  status = await (await read(`status.json${of}`)).json();
+  status = await readStatus(!status || status.vehicles.length > MANY);
   // A bridge that was restarted numbers its events from 0; of a recording it is an earlier moment, at which those that are shown were not yet.
   if (status.uptime_s < uptime) nextEvent = 0;
   list.draw(status.vehicles, timeLine !== null);
@@ -125,12 +140,14 @@ async function show() {
 async function refresh() {
   clearTimeout(timer);
   running = true;
+  let failed = false;
   const moment = timeLine?.at;
   try {
     await show();
     document.body.classList.remove("lost");
     connected(timeLine ? "a recording: nothing here is live" : "bridge answers", timeLine ? "quiet" : "good");
   } catch (error) {
+    failed = true;
     // What is shown is old then, and the whole page says so.
     document.body.classList.add("lost");
     connected(`no answer of the bridge: what is shown is old (${error.message})`, "bad");
@@ -140,7 +157,8 @@ async function refresh() {
   running = false;
   // Sought while it was read: what was shown is another moment.
   const late = timeLine && moment !== undefined && timeLine.at < moment;
-  timer = setTimeout(refresh, late ? 0 : timeLine ? REPLAY_EVERY_MS : EVERY_MS);
+  const unread = !failed && list.chosen && !chosen();
+  timer = setTimeout(refresh, late || unread ? 0 : timeLine ? REPLAY_EVERY_MS : EVERY_MS);
 }
 
 // A link that is opened where the page is open already loads nothing.

@@ -5,7 +5,7 @@
 
 const TRACK_POINTS = 2000;
 // Beyond so many vehicles those that are not chosen are dots, without track and plan: a page must stay quick with a thousand.
-const MANY = 60;
+export const MANY = 60;
 const GRID_STEPS_DEG = [90, 45, 30, 20, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001];
 
 const latitude = (value, digits) => `${Math.abs(value).toFixed(digits)}° ${value < 0 ? "S" : "N"}`;
