@@ -100,9 +100,13 @@ pub(super) struct Core {
 impl Core {
     /// Lets the bridge answer and command while this node's lease lasts, and no longer.
     pub(super) fn keep_to_lease(&mut self) {
+        let ended = self.lease_has_ended();
+        self.bridge.pause(ended);
+    }
+
+    fn lease_has_ended(&self) -> bool {
         let until = *self.lease.borrow();
-        self.bridge
-            .pause(until.is_some_and(|until| Instant::now() >= until));
+        until.is_some_and(|until| Instant::now() >= until)
     }
 
     /// Passes received messages to the key exchanges, and does what is due.
@@ -248,6 +252,9 @@ impl Shared {
         if let Some(recording) = &core.dli_recording {
             recording.count(&mut status.recordings);
         }
+        if core.lease_has_ended() {
+            status.warnings.push(NO_LEASE.to_owned());
+        }
         status.logged = self.events.borrow().lately(self.clock.now().wall);
         status
     }
@@ -273,3 +280,6 @@ impl Source for Rc<Shared> {
         self.events.borrow().from(from).cloned().collect()
     }
 }
+
+const NO_LEASE: &str = "the lease of this node has ended, and etcd has not renewed it: it answers no station and commands no vehicle until \
+    etcd does; see that it reaches etcd";
