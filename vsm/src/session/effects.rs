@@ -27,6 +27,7 @@ use super::counters::Counters;
 use super::duplicates::Remembered;
 use super::link::services::Services;
 use super::log::{LogEntry, LogLevel};
+use super::logical::LogicalIds;
 use super::outbox::{Datagram, Destination, Instance, Outbox, Waiting};
 use super::paths::{Kind, Paths, Verdict};
 use super::station::GroundStation;
@@ -50,8 +51,7 @@ pub(crate) struct DliEffects<'a> {
     pub(crate) vsm: Id,
     pub(crate) multicast: bool,
     pub(crate) stations: &'a [GroundStation],
-    /// Vehicles that were not received yet, each with its logical id.
-    pub(crate) logical: &'a [(Id, Id)],
+    pub(crate) logical: &'a LogicalIds,
     /// Recent messages of each station, and their answers.
     pub(crate) remembered: &'a mut [Remembered],
     /// Alerts of the VSM itself, not of a vehicle.
@@ -197,7 +197,7 @@ impl<'a> DliEffects<'a> {
         let Some(one) = self.stations.get(station) else {
             return;
         };
-        let source = self.shown_as(source);
+        let source = self.logical.shown_as(source);
         let (envelope, delivery) = (one.profile.envelope(source, one.id()), one.profile.delivery);
         if let (true, Some(peer)) = (delivery.to_address(), one.peer) {
             let to = Destination::Unicast(peer);
@@ -213,14 +213,6 @@ impl<'a> DliEffects<'a> {
                 self.post(station, datagram);
             }
         }
-    }
-
-    /// The id in whose name a vehicle speaks.
-    fn shown_as(&self, source: Id) -> Id {
-        let mut logical = self.logical.iter();
-        logical
-            .find(|(real, _)| *real == source)
-            .map_or(source, |(_, logical)| *logical)
     }
 
     fn deliver_to_address(&mut self, station: usize, datagram: Datagram, kind: Kind) {
@@ -379,7 +371,9 @@ impl<'a> DliEffects<'a> {
             acknowledgement_type: Some(answer),
         };
         let (message, delivery) = (Message::from(message), one.profile.delivery);
-        let envelope = one.profile.envelope(self.shown_as(source), one.id());
+        let envelope = one
+            .profile
+            .envelope(self.logical.shown_as(source), one.id());
         let compose = |to| Outbox::compose(to, &one.profile, &envelope, &message);
         // It has already waited for the disk: neither message is held again.
         if let (true, Some(peer)) = (delivery.to_address(), one.peer)
@@ -514,7 +508,7 @@ impl Effects<'_> {
         let there = self.dli.stations.get(station);
         match there.zip(at) {
             Some((there, at)) => {
-                let series = (self.dli.shown_as(self.id), there.id(), message);
+                let series = (self.dli.logical.shown_as(self.id), there.id(), message);
                 self.dli.outbox.stamp_measured(self.dli.now, at, series)
             }
             None => self.stamp(),

@@ -25,6 +25,8 @@ use super::station::GroundStation;
 #[derive(Debug, Default)]
 pub(crate) struct Fleet {
     all: Vec<Aircraft>,
+    /// The alert seed of the next vehicle.
+    pub(crate) next_number: i32,
     by_id: BTreeMap<Id, usize>,
     /// The vehicles of each link: MAVLink system id, number.
     by_port: Vec<Vec<(u8, usize)>>,

@@ -42,7 +42,7 @@ mod group;
 mod turn;
 
 pub use self::group::GroupReceiver;
-pub(crate) use self::group::{GroupSender, OFFER_EVERY};
+pub(crate) use self::group::GroupSender;
 use self::turn::{Asked, Turn};
 
 /// A key for an end, and until when (monotonic) it is accepted; `None` for the one in force.

@@ -89,6 +89,7 @@ mod held;
 mod ignored_fields;
 mod link;
 mod log;
+mod logical;
 pub(crate) mod maneuver;
 mod metadata;
 mod mission;

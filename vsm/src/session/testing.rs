@@ -33,6 +33,7 @@ use super::effects::{DliEffects, Effects, Request};
 use super::link::services::Services;
 use super::link::state::VehicleState;
 use super::log::LogEntry;
+use super::logical::LogicalIds;
 use super::mission::progress::RouteProgress;
 use super::outbox::Outbox;
 use super::paths::Paths;
@@ -69,6 +70,7 @@ pub(crate) struct World {
     pub(crate) transfer: Transfer,
     pub(crate) areas: Areas,
     pub(crate) termination: TerminationView,
+    logical: LogicalIds,
     progress: RouteProgress,
     remembered: Vec<Remembered>,
     vsm_alerts: Alerts,
@@ -143,6 +145,7 @@ impl World {
             transfer: Transfer::None,
             areas: Areas::default(),
             termination: TerminationView::default(),
+            logical: LogicalIds::default(),
             progress: RouteProgress::default(),
             remembered: stations.iter().map(|_| Remembered::default()).collect(),
             vsm_alerts: Alerts::new(0),
@@ -299,7 +302,7 @@ impl World {
                 vsm: VSM,
                 multicast: false,
                 stations: &self.stations,
-                logical: &[],
+                logical: &self.logical,
                 remembered: &mut self.remembered,
                 alerts: &mut self.vsm_alerts,
                 outbox: &mut self.outbox,

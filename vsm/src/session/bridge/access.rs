@@ -166,7 +166,7 @@ impl Bridge {
 
     /// Once a second: ends expired entries, and with them the rights over vehicles that do not fly.
     pub(super) fn watch_access(&mut self, now: Now, disk: &mut dyn Disk) {
-        if now.mono < self.look_at {
+        if now.mono < self.checks.look_at {
             return;
         }
         let Gate::List(access) = &mut self.access else {

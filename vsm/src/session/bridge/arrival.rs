@@ -36,7 +36,7 @@ use crate::session::trace::DliTrace;
 impl Bridge {
     /// Takes a datagram of the DLI side.
     pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], disk: &mut dyn Disk) {
-        let before = self.trace.then(|| DliTrace::begin(&self.counters));
+        let before = self.records.trace.then(|| DliTrace::begin(&self.counters));
         let opened = self.open_guarded(now, from, bytes, disk);
         self.take_traced(now, from, (opened, bytes), before, disk);
     }
@@ -49,7 +49,7 @@ impl Bridge {
         (bytes, index): (&[u8], usize),
         disk: &mut dyn Disk,
     ) {
-        let before = self.trace.then(|| DliTrace::begin(&self.counters));
+        let before = self.records.trace.then(|| DliTrace::begin(&self.counters));
         let opened = Opened::Verified(bytes, index);
         self.take_traced(now, from, (opened, bytes), before, disk);
     }
@@ -64,22 +64,22 @@ impl Bridge {
     ) {
         let bytes = match opened {
             Opened::Plain(inside) | Opened::Verified(inside, _) if ed25::is_ed25(inside) => {
-                self.guarded = opened.station();
+                self.handled.guarded = opened.station();
                 self.handle_ed25(now, from, inside, disk);
                 inside
             }
             Opened::Plain(inside) | Opened::Verified(inside, _) => {
-                self.guarded = opened.station();
+                self.handled.guarded = opened.station();
                 self.handle_later(now, from, inside, disk);
                 inside
             }
             Opened::Dropped => bytes,
         };
-        self.guarded = None;
+        self.handled.guarded = None;
         self.show_holders(now, disk);
         if let Some(before) = before {
-            let source = self.readings.frames(bytes).next_source();
-            let readings = source.map_or(&self.readings, |source| self.readings_of(source));
+            let source = self.setup.readings.frames(bytes).next_source();
+            let readings = source.map_or(&self.setup.readings, |source| self.readings_of(source));
             let line = before.end(&self.counters, readings, from, bytes);
             let vsm = self.vsm;
             self.effects(now, disk).0.note(LogLevel::Debug, vsm, line);
@@ -88,7 +88,7 @@ impl Bridge {
 
     /// Takes a datagram of Edition 3 or 4.
     fn handle_later(&mut self, now: Now, from: SocketAddr, bytes: &[u8], disk: &mut dyn Disk) {
-        let mut frames = self.readings.frames(bytes);
+        let mut frames = self.setup.readings.frames(bytes);
         loop {
             // The definition of a checksum may be disputed: it is computed as each station does.
             if let Some(source) = frames.next_source() {
@@ -98,7 +98,9 @@ impl Bridge {
                 Some(Ok(frame)) => self.handle_frame(now, from, &frame, disk),
                 Some(Err(fault)) => {
                     self.counters.count(drop_name(&fault));
-                    self.evidence.note_broken(now.mono, from, bytes, &fault);
+                    self.checks
+                        .evidence
+                        .note_broken(now.mono, from, bytes, &fault);
                 }
                 None => break,
             }
@@ -107,7 +109,7 @@ impl Bridge {
 
     fn handle_frame(&mut self, now: Now, from: SocketAddr, frame: &Frame<'_>, disk: &mut dyn Disk) {
         let mut frame = *frame;
-        frame.header.destination = self.meant_by(frame.header.destination);
+        frame.header.destination = self.logical.meant_by(frame.header.destination);
         let frame = &frame;
         // Before the message is decoded: of a stranger's datagram only the wrapper is read.
         let edition = Edition::of_idd(frame.header.idd);
@@ -126,13 +128,13 @@ impl Bridge {
                     let why = Barred::ChangedEdition;
                     return self.note_barred(now, from, &frame.header, edition, &why);
                 }
-                self.evidence.note_good(frame.header.source, from);
+                self.checks.evidence.note_good(frame.header.source, from);
                 let station = &mut self.stations[index];
                 if station.profile.is_unknown() {
                     // The first challenge also uses the station's edition.
                     station.profile.note(&frame.header);
                 }
-                self.asker = Some(index);
+                self.handled.asker = Some(index);
                 let arriving = Arriving {
                     bytes: frame.bytes,
                     ed25: false,
@@ -143,17 +145,10 @@ impl Bridge {
                     self.stations[index].spoken = Some((false, now.mono));
                     self.take_frame(now, index, frame, None, disk);
                 }
-                self.asker = None;
+                self.handled.asker = None;
             }
             Err(why) => self.note_barred(now, from, &frame.header, edition, &why),
         }
-    }
-
-    /// The vehicle id for an id: a logical id stands for its vehicle, also after that was received.
-    pub(super) fn meant_by(&self, id: Id) -> Id {
-        let mut logical = self.logical.iter();
-        let real = logical.find(|(_, logical)| *logical == id);
-        real.map_or(id, |(real, _)| *real)
     }
 
     /// A frame is dropped after its header was read.
@@ -167,7 +162,7 @@ impl Bridge {
     ) {
         self.counters.count(why.name());
         if let Some(fault) = why.fault(header, edition) {
-            self.evidence.note(now.mono, from, fault);
+            self.checks.evidence.note(now.mono, from, fault);
         }
     }
 
@@ -183,7 +178,7 @@ impl Bridge {
     ) -> bool {
         // A delayed message, or one converted from another edition, keeps its original addressing.
         let mut frame = *frame;
-        frame.header.destination = self.meant_by(frame.header.destination);
+        frame.header.destination = self.logical.meant_by(frame.header.destination);
         let frame = &frame;
         let header = frame.header;
         let mut origin = Origin {
@@ -225,10 +220,11 @@ impl Bridge {
             return false;
         }
         if made_of.is_none() {
-            self.evidence
+            self.checks
+                .evidence
                 .note_decoded(header.source, header.message_type.into());
         }
-        self.received.count(header.message_type.into());
+        self.records.received.count(header.message_type.into());
         if let Message::MessageAcknowledgement(answer) = &message {
             // It shows only that the station's computer is present, which `reach` has noted, and not its operator, except
             // for the acknowledgement of an alert. Alerts do not request one, so no computer sends it automatically.
@@ -291,7 +287,7 @@ impl Bridge {
         let station = &self.stations[index];
         if let Some(from) = station.peer {
             let fault = Fault::Undecodable(station.id(), message_type, why.to_owned());
-            self.evidence.note(mono, from, fault);
+            self.checks.evidence.note(mono, from, fault);
         }
     }
 
@@ -329,7 +325,7 @@ impl Bridge {
     pub(super) fn note_received(&mut self, index: usize, now: Duration) {
         let station = &mut self.stations[index];
         // The effects of its silence end at once, not at the next stage.
-        let was_silent = station.silence(now, &self.settings.authority) != Silence::None;
+        let was_silent = station.silence(now, &self.setup.settings.authority) != Silence::None;
         if station.received.replace(now).is_none() || was_silent {
             self.aircraft.ask_all();
         }
@@ -345,8 +341,7 @@ impl Bridge {
         let ours = |id| self.aircraft.has(id);
         let to_us =
             [self.vsm, Id::BROADCAST].contains(&header.destination) || ours(header.destination);
-        let is_logical = |id| self.logical.iter().any(|(_, logical)| *logical == id);
-        if header.source == self.vsm || ours(header.source) || is_logical(header.source) {
+        if header.source == self.vsm || ours(header.source) || self.logical.has(header.source) {
             // What we sent to the group comes back to us.
             return Err(Barred::OurOwn);
         }
@@ -354,13 +349,13 @@ impl Bridge {
         let (index, station) = stations
             .find(|(_, station)| station.id() == header.source && !station.removed)
             .ok_or(Barred::Source { to_us })?;
-        if station.config.guard.is_some() && self.guarded.is_none() {
+        if station.config.guard.is_some() && self.handled.guarded.is_none() {
             return Err(match station.config.web {
                 true => Barred::OfWeb,
                 false => Barred::Unguarded,
             });
         }
-        if self.guarded.is_some_and(|guarded| guarded != index) {
+        if self.handled.guarded.is_some_and(|guarded| guarded != index) {
             return Err(Barred::OtherSender);
         }
         // The port is not compared: a CUCS that returns on another port keeps its rights.

@@ -28,7 +28,7 @@ impl Bridge {
                         station.translator.restore(vehicle, &text);
                     }
                     // A load will name the missing waypoints: this is no reason to stop serving.
-                    Err(fault) => self.log.push_back(LogEntry {
+                    Err(fault) => self.records.log.push_back(LogEntry {
                         level: LogLevel::Warning,
                         about: vehicle,
                         text: fault.to_string(),

@@ -42,7 +42,9 @@ impl Bridge {
                 Ok(frame) => self.handle_ed25_frame(now, from, &frame, disk),
                 Err(fault) => {
                     self.counters.count(drop_name(&fault));
-                    self.evidence.note_broken(now.mono, from, bytes, &fault);
+                    self.checks
+                        .evidence
+                        .note_broken(now.mono, from, bytes, &fault);
                 }
             }
         }
@@ -63,7 +65,7 @@ impl Bridge {
             .info
             .is_some_and(|info| info.direction == Direction::ToCucs);
         let place = (frame.header.message_type, frame.header.instance);
-        if sent_by_vsm || self.sent_to_group.contains(&place) {
+        if sent_by_vsm || self.ed25.sent_to_group.contains(&place) {
             return self.counters.count("our own");
         }
         let header = header(frame, &at);
@@ -83,8 +85,8 @@ impl Bridge {
                     let why = Barred::ChangedEdition;
                     return self.note_barred(now, from, &header, Edition::Ed25, &why);
                 }
-                self.evidence.note_good(header.source, from);
-                self.asker = Some(index);
+                self.checks.evidence.note_good(header.source, from);
+                self.handled.asker = Some(index);
                 let arriving = Arriving {
                     bytes: frame.bytes,
                     ed25: true,
@@ -94,7 +96,7 @@ impl Bridge {
                 if self.is_there(now, from, index, &arriving, disk) {
                     self.take_ed25(now, index, frame, disk);
                 }
-                self.asker = None;
+                self.handled.asker = None;
             }
             Err(why) => self.note_barred(now, from, &header, Edition::Ed25, &why),
         }
@@ -104,7 +106,7 @@ impl Bridge {
     fn parties(&self, frame: &ed25::Frame<'_>) -> Option<Parties> {
         let at = ed25::parties(frame)?;
         Some(Parties {
-            vehicle: self.meant_by(at.vehicle),
+            vehicle: self.logical.meant_by(at.vehicle),
             ..at
         })
     }
@@ -140,9 +142,9 @@ impl Bridge {
         self.stations[index].spoken = Some((true, now.mono));
         let standing = Standing {
             vsm: self.vsm,
-            named: self.shown_as(at.vehicle),
+            named: self.logical.shown_as(at.vehicle),
             stamp: self.outbox.stamp(now),
-            web_page: self.settings.web_page.as_deref(),
+            web_page: self.setup.settings.web_page.as_deref(),
         };
         let answered = (standing.named, standing.stamp);
         let translator = &mut self.stations[index].translator;
@@ -176,7 +178,8 @@ impl Bridge {
                 return;
             }
         };
-        self.evidence
+        self.checks
+            .evidence
             .note_decoded(at.cucs, frame.header.message_type);
         self.note_received(index, now.mono);
         if self.outbox.paused {
@@ -319,20 +322,13 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) {
         let (vsm, stamp) = (self.vsm, self.outbox.stamp(now));
-        let named = self.shown_as(vehicle);
+        let named = self.logical.shown_as(vehicle);
         let of = self.aircraft.find(vehicle);
         let kind = of.map_or(0, |one| one.vehicle.vehicle_type());
         let translator = &mut self.stations[index].translator;
         translator.keep_time(self.outbox.last_stamp_ms());
         let line = translator.holder(vsm, named, holder, (levels, kind), stamp);
         self.effects(now, disk).0.send_translated(index, &line);
-    }
-
-    /// The id under which a vehicle is shown now.
-    fn shown_as(&self, vehicle: Id) -> Id {
-        let mut waiting = self.waiting.iter();
-        let logical = waiting.find(|(real, _)| *real == vehicle);
-        logical.map_or(vehicle, |(_, logical)| *logical)
     }
 
     /// Vehicle, holder, and its levels above LOI 2.
@@ -357,10 +353,10 @@ impl Bridge {
             return;
         }
         let holders = self.holders();
-        if holders == self.shown_holders {
+        if holders == self.ed25.shown_holders {
             return;
         }
-        let before = std::mem::replace(&mut self.shown_holders, holders.clone());
+        let before = std::mem::replace(&mut self.ed25.shown_holders, holders.clone());
         let ended = before.iter().filter(|(vehicle, id, _)| {
             !holders
                 .iter()
@@ -387,7 +383,7 @@ impl Bridge {
     /// The next datagram for the DLI side, in the edition of its station.
     pub(super) fn next_datagram(&mut self) -> Option<Datagram> {
         loop {
-            if let Some(datagram) = self.translated.pop_front() {
+            if let Some(datagram) = self.ed25.translated.pop_front() {
                 return Some(datagram);
             }
             let datagram = self.outbox.pop()?;
@@ -422,9 +418,7 @@ impl Bridge {
             let decoded = readings.decode(frame.header.message_type, frame.data);
             let Ok(mut message) = decoded else { continue };
             let envelope = frame.header.envelope();
-            let mut logical = self.logical.iter();
-            let real = logical.find(|(_, logical)| *logical == envelope.source);
-            let of = real.map_or(envelope.source, |(real, _)| *real);
+            let of = self.logical.meant_by(envelope.source);
             if let Message::VehicleOperatingStates(states) = &mut message {
                 let live = self.aircraft.find(of).filter(|one| one.vehicle.live());
                 if let Some(one) = live {
@@ -449,7 +443,7 @@ impl Bridge {
             for bytes in translated {
                 if let Some(translated) = datagram.translated(&bytes) {
                     self.remember_sent(&translated);
-                    self.translated.push_back(translated);
+                    self.ed25.translated.push_back(translated);
                 }
             }
         }
@@ -461,13 +455,13 @@ impl Bridge {
             return;
         }
         for frame in ed25::frames(datagram.bytes()).flatten() {
-            self.sent_to_group.truncate(MAX_REMEMBERED);
+            self.ed25.sent_to_group.truncate(MAX_REMEMBERED);
             let ed25::Header {
                 message_type,
                 instance,
                 ..
             } = frame.header;
-            self.sent_to_group.push_front((message_type, instance));
+            self.ed25.sent_to_group.push_front((message_type, instance));
         }
     }
 }

@@ -79,8 +79,8 @@ impl Bridge {
                 };
                 let endpoint = end.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
                 let mut link = LinkConfig::new(forward.system_id, security, endpoint);
-                link.own_system = self.own.system;
-                link.own_component = self.own.component;
+                link.own_system = self.setup.own.system;
+                link.own_component = self.setup.own.component;
                 link.link_id = forward.link_id;
                 link.accept_unsigned = &[];
                 let key = end

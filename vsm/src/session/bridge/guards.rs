@@ -12,7 +12,7 @@ use stanag_msgs::guard::{ClockDatagram, Direction, ExchangeDatagram, Guarded, MA
 
 use super::Bridge;
 use crate::session::findings::dli::Fault;
-use crate::session::guard::{GuardEnd, GuardKeyUntil, GuardStatus, OFFER_EVERY};
+use crate::session::guard::{GroupSender, GuardEnd, GuardKeyUntil, GuardStatus};
 use crate::session::log::{LogEntry, LogLevel};
 use crate::session::outbox::{Datagram, Destination};
 
@@ -37,6 +37,11 @@ impl Opened<'_> {
 }
 
 impl Bridge {
+    /// Gives the group of CUCSs with a guard its keys; random, and for this run only.
+    pub fn set_group_secret(&mut self, secret: [u8; 32], now: Now) {
+        self.guards.group = Some(GroupSender::new(self.vsm, secret, now));
+    }
+
     /// Sets the guard keys of the CUCSs, the one in force first. The state of a key that stays is kept.
     ///
     /// # Errors
@@ -88,9 +93,8 @@ impl Bridge {
             }
         }
         // The holder of a revoked key may have the group's key too.
-        if renews_group && let Some(group) = &mut self.guard_group {
+        if renews_group && let Some(group) = &mut self.guards.group {
             group.renew();
-            self.offered.clear();
         }
         given
     }
@@ -146,14 +150,14 @@ impl Bridge {
         if web {
             self.counters.count(DATAGRAM_OF_WEB);
             let fault = Fault::Web(sender, DATAGRAM_OF_WEB);
-            self.evidence.note(now.mono, from, fault);
+            self.checks.evidence.note(now.mono, from, fault);
             return Opened::Dropped;
         }
         // Checked before its stamp is used up: a faster copy from elsewhere must not cost the station its own datagram.
         if let Some(expected) = address.filter(|one| *one != from.ip()) {
             self.counters.count(UNAUTHORISED_ADDRESS);
             let fault = Fault::Address(sender, expected);
-            self.evidence.note(now.mono, from, fault);
+            self.checks.evidence.note(now.mono, from, fault);
             return Opened::Dropped;
         }
         let peer = self.paths.peer(index);
@@ -169,12 +173,12 @@ impl Bridge {
                 if !why.wants_lift() {
                     // A datagram that is too old may be the station's own, after a start of this end.
                     let fault = Fault::Guard(sender, why.name());
-                    self.evidence.note(now.mono, from, fault);
+                    self.checks.evidence.note(now.mono, from, fault);
                 }
                 if why.wants_reply() {
                     let mut out = [0; MAX_GUARDED];
                     if let Some(length) = end.reply(now, &mut out, disk) {
-                        self.lifts.push((from, out[..length].into()));
+                        self.guards.lifts.push((from, out[..length].into()));
                     }
                 }
                 Opened::Dropped
@@ -208,8 +212,8 @@ impl Bridge {
         }
         let mut out = [0; MAX_GUARDED];
         match end.take_clock(now, about, &mut out, disk) {
-            Ok(Some(length)) => self.lifts.push((from, out[..length].into())),
-            Ok(None) => self.log.extend(end.take_met().map(|text| LogEntry {
+            Ok(Some(length)) => self.guards.lifts.push((from, out[..length].into())),
+            Ok(None) => self.records.log.extend(end.take_met().map(|text| LogEntry {
                 level: LogLevel::Warning,
                 about: sender,
                 text,
@@ -227,17 +231,17 @@ impl Bridge {
         } else if !listed {
             self.counters
                 .count("guard: exchange of a CUCS that is not listed");
-        } else if self.guard_steps.len() >= MAX_STEPS {
+        } else if self.guards.steps.len() >= MAX_STEPS {
             self.counters
                 .count("guard: too many steps of exchanges at once");
         } else {
-            self.guard_steps.push_back((from, bytes.into()));
+            self.guards.steps.push_back((from, bytes.into()));
         }
     }
 
     /// The next step of an exchange about a guard key, for the machine that answers it.
     pub fn poll_guard_step(&mut self) -> Option<(SocketAddr, Box<[u8]>)> {
-        self.guard_steps.pop_front()
+        self.guards.steps.pop_front()
     }
 
     /// Sends a CUCS's guard bytes that are not of the DLI, sealed, to the address of the CUCS. Returns false if that is
@@ -254,7 +258,7 @@ impl Bridge {
         let Some((to, length)) = self.paths.peer(index).zip(sealed) else {
             return false;
         };
-        self.lifts.push((to, out[..length].into()));
+        self.guards.lifts.push((to, out[..length].into()));
         true
     }
 
@@ -263,9 +267,9 @@ impl Bridge {
     pub fn poll_lift(&mut self) -> Option<(SocketAddr, Box<[u8]>)> {
         if self.outbox.paused {
             // Made again: any of them may be lost on its way.
-            self.lifts.clear();
+            self.guards.lifts.clear();
         }
-        self.lifts.pop()
+        self.guards.lifts.pop()
     }
 
     /// A datagram as it is sent: sealed if it is for a CUCS with a guard. `None` if it must not be sent, because there is
@@ -278,7 +282,7 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) -> Option<&'a [u8]> {
         let id = datagram.destination();
-        let group = self.guard_group.as_mut();
+        let group = self.guards.group.as_mut();
         let mut stations = self.stations.iter_mut();
         let Some(station) = stations.find(|one| one.id() == id && one.config.guard.is_some())
         else {
@@ -314,23 +318,21 @@ impl Bridge {
 
     /// Sends the group's key to each guard whose CUCS receives the group, repeatedly, since an offer may be lost.
     fn offer_group(&mut self, now: Now, disk: &mut dyn Disk) {
-        let Some(group) = self.guard_group.as_ref().filter(|_| self.multicast) else {
+        let to_group = self.setup.group.is_some();
+        let Some(group) = self.guards.group.as_mut().filter(|_| to_group) else {
             return;
         };
         let offer = group.offer();
         for (index, station) in self.stations.iter_mut().enumerate() {
             let id = station.id();
-            let due = self
-                .offered
-                .get(&id)
-                .is_none_or(|at| *at + OFFER_EVERY <= now.mono);
+            let due = group.offer_is_due(id, now.mono);
             let takes = station.profile.delivery.to_group() && !station.removed;
             let peer = self.paths.peer(index).filter(|_| takes && due);
             if let (Some(end), Some(peer)) = (station.guard.as_mut(), peer) {
                 let mut out = [0; MAX_GUARDED];
                 if let Ok(length) = end.seal_offer(now, &offer, &mut out, disk) {
-                    self.lifts.push((peer, out[..length].into()));
-                    self.offered.insert(id, now.mono);
+                    self.guards.lifts.push((peer, out[..length].into()));
+                    group.note_offered(id, now.mono);
                 }
             }
         }

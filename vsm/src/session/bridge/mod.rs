@@ -26,7 +26,7 @@ mod watch;
 mod web;
 mod zeroize;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::time::Duration;
 
@@ -38,7 +38,7 @@ use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::{Id, Profile};
 
 pub use self::forwards::PreparedForwards;
-use self::port::Port;
+use self::port::Links;
 pub use self::vehicles::link_config;
 pub use self::web::{WebOpened, WebWay};
 use super::access::Gate;
@@ -60,6 +60,7 @@ use super::forward::Forward;
 use super::guard::GroupSender;
 use super::link::frame::{OutFrame, Peer};
 use super::log::{LogEntry, LogLevel};
+use super::logical::LogicalIds;
 use super::outbox::{Datagram, Outbox};
 use super::paths::{Limits, Paths};
 use super::reports::VehicleSettings;
@@ -73,76 +74,121 @@ use crate::config::Config;
 #[derive(Debug)]
 pub struct Bridge {
     vsm: Id,
+    setup: Setup,
+    stations: Vec<GroundStation>,
+    /// The recent messages of each station.
+    remembered: Vec<Remembered>,
+    aircraft: Fleet,
+    links: Links,
+    /// Other ground stations.
+    forwards: Vec<Forward>,
+    outbox: Outbox,
+    paths: Paths,
+    /// Alerts of the VSM itself, not of a vehicle.
+    alerts: Alerts,
+    logical: LogicalIds,
+    counters: Counters,
+    records: Records,
+    checks: Checks,
+    handled: Handled,
+    guards: Guards,
+    web: WebClients,
+    ed25: Ed25,
+    zeroize: Zeroize,
+    access: Gate,
+}
+
+/// What the configuration sets for the VSM as a whole.
+#[derive(Debug)]
+struct Setup {
     /// Our MAVLink ids.
     own: Node,
     settings: Settings,
     /// The readings of disputed values for an unknown station.
     readings: Profile,
-    multicast: bool,
-    stations: Vec<GroundStation>,
-    /// The recent messages of each station.
-    remembered: Vec<Remembered>,
-    aircraft: Fleet,
-    /// The links of the vehicles.
-    ports: Vec<Port>,
-    /// Other ground stations.
-    forwards: Vec<Forward>,
-    /// Frames for them, each with its vehicle and whether that vehicle signs.
-    believed: Vec<((Id, bool), Vec<u8>)>,
-    outbox: Outbox,
-    paths: Paths,
-    /// Alerts of the VSM itself, not of a vehicle.
-    alerts: Alerts,
-    /// The logical ids of vehicles, by their ids; `waiting`: those of vehicles that were not received yet.
-    logical: Vec<(Id, Id)>,
-    waiting: Vec<(Id, Id)>,
-    /// The alert seed of the next vehicle.
-    next_number: i32,
-    counters: Counters,
+    /// The multicast group for status, which is also received.
+    group: Option<SocketAddr>,
+    /// Alerts caused by the configuration.
+    warnings: Vec<String>,
+}
+
+impl Setup {
+    fn of(config: &Config) -> Setup {
+        Setup {
+            own: Node::new(config.mavlink.system_id, config.mavlink.component_id),
+            settings: Settings::of(config),
+            readings: config.dli.disputed.profile.clone(),
+            group: config.dli.multicast,
+            warnings: config.warnings(),
+        }
+    }
+}
+
+/// What operators can read of this run, besides the counters.
+#[derive(Debug)]
+struct Records {
+    started: Duration,
+    /// The DLI messages taken.
     received: ByType,
     log: VecDeque<LogEntry>,
+    /// Whether the handling of each datagram is logged.
+    trace: bool,
+}
+
+/// The checks for faults (`watch`).
+#[derive(Debug)]
+struct Checks {
+    /// A date that the clock cannot be before.
+    not_before: Duration,
     /// Evidence of unusable data on the DLI side.
     evidence: DliEvidence,
     key_files: KeyFiles,
+    /// When the next check is due.
+    look_at: Duration,
     /// The findings of the last check.
     found: Vec<Finding>,
     /// The listening stations, which receive the alerts of the VSM itself.
     notified: Vec<usize>,
-    /// When the next check for findings is due.
-    look_at: Duration,
-    /// The multicast group for status, which is also received.
-    group: Option<SocketAddr>,
-    /// A date that the clock cannot be before.
-    not_before: Duration,
-    /// Whether the handling of each datagram is logged.
-    trace: bool,
-    /// The station whose guard sealed the datagram being handled.
+}
+
+/// The datagram that is being handled.
+#[derive(Debug, Default)]
+struct Handled {
+    /// The station whose guard sealed it.
     guarded: Option<usize>,
-    /// Datagrams for guards themselves, such as those that raise their stamps, and their addresses.
-    lifts: Vec<(SocketAddr, Box<[u8]>)>,
-    /// Seals datagrams to the group for CUCSs with a guard; `None` until there is a secret for its keys.
-    guard_group: Option<GroupSender>,
-    /// When each guard was last offered the group's key.
-    offered: BTreeMap<Id, Duration>,
-    /// Steps of an exchange about a guard key, and where they came from.
-    guard_steps: VecDeque<(SocketAddr, Box<[u8]>)>,
-    /// Connections of web clients to close.
-    web_ends: Vec<(u64, WebRefusal)>,
-    /// What refusals of web clients may be logged.
-    web_logged: Allowance,
-    /// The station whose message is being handled.
+    /// The station whose message it is, once that is accepted.
     asker: Option<usize>,
-    /// Messages for stations of Edition 2.5.
+}
+
+/// What is for guards themselves (`guards`).
+#[derive(Debug, Default)]
+struct Guards {
+    /// Seals datagrams to the group for CUCSs with a guard; `None` until there is a secret for its keys.
+    group: Option<GroupSender>,
+    /// Datagrams for guards, such as those that raise their stamps, and their addresses.
+    lifts: Vec<(SocketAddr, Box<[u8]>)>,
+    /// Steps of an exchange about a guard key, and where they came from.
+    steps: VecDeque<(SocketAddr, Box<[u8]>)>,
+}
+
+/// What concerns no single web client (`web`).
+#[derive(Debug, Default)]
+struct WebClients {
+    /// Connections to close.
+    ends: Vec<(u64, WebRefusal)>,
+    /// What refusals may be logged.
+    logged: Allowance,
+}
+
+/// What stations of Edition 2.5 are sent (`editions`).
+#[derive(Debug, Default)]
+struct Ed25 {
+    /// Messages for them.
     translated: VecDeque<Datagram>,
     /// The latest ones sent to the group, by type and instance.
     sent_to_group: VecDeque<(u32, u32)>,
     /// The holders of each vehicle, as last shown to these stations.
     shown_holders: Vec<(Id, Id, LoiBitmap)>,
-    zeroize: Zeroize,
-    access: Gate,
-    /// Alerts caused by the configuration.
-    warnings: Vec<String>,
-    started: Duration,
 }
 
 /// Called with every accepted frame and the index of its vehicle, for a recording.
@@ -189,72 +235,56 @@ impl Bridge {
         let each = each.map(|cucs| GroundStation::new(cucs, &config.dli));
         let stations: Vec<GroundStation> = each.collect();
         let mut bridge = Bridge {
-            own: Node::new(config.mavlink.system_id, config.mavlink.component_id),
-            settings: Settings::of(config),
+            vsm: config.dli.vsm_id,
+            setup: Setup::of(config),
+            remembered: stations.iter().map(|_| Remembered::default()).collect(),
+            stations,
+            aircraft: Fleet::default(),
+            links: Links::default(),
+            forwards: Vec::new(),
+            outbox: Outbox::default(),
             paths: Paths::new(
                 Limits::of(&config.dli),
                 config.stations().map(|cucs| cucs.address),
             ),
-            vsm: config.dli.vsm_id,
-            readings: config.dli.disputed.profile.clone(),
-            multicast: config.dli.multicast.is_some(),
-            remembered: stations.iter().map(|_| Remembered::default()).collect(),
-            stations,
-            aircraft: Fleet::default(),
-            ports: Vec::new(),
-            forwards: Vec::new(),
-            believed: Vec::new(),
-            outbox: Outbox::default(),
             // The alert ids of the VSM itself follow those of its vehicles, which are numbered from 0; vehicles that are
             // added later follow the VSM.
             alerts: Alerts::new(i32::try_from(config.vehicles().count()).unwrap_or(i32::MAX / 2)),
-            logical: config
-                .vehicles()
-                .filter_map(|vehicle| Some((vehicle.id, vehicle.logical_id?)))
-                .collect(),
-            waiting: Vec::new(),
-            next_number: 0,
+            logical: LogicalIds::default(),
             counters: Counters::default(),
-            received: ByType::default(),
-            log: VecDeque::new(),
-            evidence: DliEvidence::default(),
-            key_files: KeyFiles::default(),
-            found: Vec::new(),
-            notified: Vec::new(),
-            look_at: now.mono,
-            group: config.dli.multicast,
-            not_before,
-            trace: false,
-            guarded: None,
-            lifts: Vec::new(),
-            guard_group: None,
-            offered: BTreeMap::new(),
-            guard_steps: VecDeque::new(),
-            web_ends: Vec::new(),
-            web_logged: Allowance::default(),
-            asker: None,
-            translated: VecDeque::new(),
-            sent_to_group: VecDeque::new(),
-            shown_holders: Vec::new(),
+            records: Records {
+                started: now.mono,
+                received: ByType::default(),
+                log: VecDeque::new(),
+                trace: false,
+            },
+            checks: Checks {
+                not_before,
+                evidence: DliEvidence::default(),
+                key_files: KeyFiles::default(),
+                look_at: now.mono,
+                found: Vec::new(),
+                notified: Vec::new(),
+            },
+            handled: Handled::default(),
+            guards: Guards::default(),
+            web: WebClients::default(),
+            ed25: Ed25::default(),
             zeroize: Zeroize::new(config.zeroize, config.dli.open_at().is_empty()),
             access: Gate::of(config),
-            warnings: config.warnings(),
-            started: now.mono,
         };
         for (vehicle, end) in config.vehicles().zip(ends) {
             bridge.add_vehicle(vehicle, end, now, not_before, disk)?;
         }
         // Holders of a vehicle already know it by its id: after a restart in flight it must not appear as another vehicle
         // for a moment.
-        let unheld = |real: Id| {
+        let held = |real: Id| {
             let one = bridge.aircraft.find(real);
-            one.is_some_and(|one| one.authority.rights().holders().next().is_none())
+            one.is_none_or(|one| one.authority.rights().holders().next().is_some())
         };
-        bridge.waiting = (bridge.logical.iter().copied())
-            .filter(|(real, _)| unheld(*real))
-            .collect();
+        bridge.logical.reload(config, held);
         // The VSM's own alerts have the number after the vehicles of the start.
-        bridge.next_number += 1;
+        bridge.aircraft.next_number += 1;
         bridge.restore_commands(now, disk)?;
         bridge.restore_contingencies(disk);
         // Not before the held commands are restored: the list is applied to them once it is loaded.
@@ -266,12 +296,6 @@ impl Bridge {
         Ok(bridge)
     }
 
-    /// Gives the group of CUCSs with a guard its keys; random, and for this run only.
-    pub fn set_group_secret(&mut self, secret: [u8; 32], now: Now) {
-        self.guard_group = Some(GroupSender::new(self.vsm, secret, now));
-        self.offered.clear();
-    }
-
     /// Makes the stamps by which CUCSs prove their addresses unpredictable; random, and for this run only.
     pub fn set_secret(&mut self, secret: [u8; 32]) {
         self.paths.set_secret(secret);
@@ -279,7 +303,7 @@ impl Bridge {
 
     /// Switches logging of each datagram on or off. It is off by default, since the lines cost more than the datagrams.
     pub fn set_trace(&mut self, on: bool) {
-        self.trace = on;
+        self.records.trace = on;
     }
 
     /// Restores the holders of an authority record: status is sent to their earlier addresses without a new request, and the
@@ -360,9 +384,8 @@ impl Bridge {
             let one = self.aircraft.find(real);
             one.is_some_and(|one| one.vehicle.live())
         };
-        let there: Vec<Id> = (self.waiting.iter().map(|(real, _)| *real))
-            .filter(|real| is_there(*real))
-            .collect();
+        let waiting = self.logical.waiting();
+        let there: Vec<Id> = waiting.filter(|real| is_there(*real)).collect();
         for real in there {
             // First under the logical id, then under its own.
             for _ in 0..2 {
@@ -372,7 +395,7 @@ impl Bridge {
                         one.ask_authority(&mut dli, Input::Returned { station });
                     }
                 }
-                self.waiting.retain(|(waiting, _)| *waiting != real);
+                self.logical.introduce(real);
             }
         }
     }
@@ -413,7 +436,7 @@ impl Bridge {
         for station in self.stations.iter_mut().filter(|one| one.sends_heartbeats) {
             let id = station.id();
             let mut of_each = self.aircraft.iter().map(|one| one.authority.rights());
-            let lost = station.silence(now, &self.settings.authority) == Silence::Lost;
+            let lost = station.silence(now, &self.setup.settings.authority) == Silence::Lost;
             station.sends_heartbeats = of_each.any(|rights| {
                 let held = rights.held(id);
                 !held.is_empty() && (!lost || rights.commands(id))
@@ -430,7 +453,7 @@ impl Bridge {
             .chain(self.zeroize.poll_timeout())
             .chain(self.paths.poll_timeout(now))
             // It shares a wake-up with the reports if there are any.
-            .chain([self.look_at + WATCH_SLACK])
+            .chain([self.checks.look_at + WATCH_SLACK])
             .chain(self.forwards.iter().map(Forward::poll_timeout))
             .fold(now + LONGEST_WAIT, Duration::min)
     }
@@ -492,7 +515,7 @@ impl Bridge {
     /// The readings of disputed values for the station with this id.
     fn readings_of(&self, id: Id) -> &Profile {
         let station = self.stations.iter().find(|station| station.id() == id);
-        station.map_or(&self.readings, |station| &station.profile.readings)
+        station.map_or(&self.setup.readings, |station| &station.profile.readings)
     }
 
     /// The same for a frame that is sent to the vehicle with this index.
@@ -507,7 +530,7 @@ impl Bridge {
 
     /// The next line for the log.
     pub fn poll_log(&mut self) -> Option<LogEntry> {
-        self.log.pop_front()
+        self.records.log.pop_front()
     }
 
     fn effects<'a>(
@@ -518,18 +541,18 @@ impl Bridge {
         self.outbox.answer_after = Changes::NONE;
         let effects = DliEffects {
             mark: disk.queued(),
-            asker: self.asker,
+            asker: self.handled.asker,
             now,
             vsm: self.vsm,
-            multicast: self.multicast,
+            multicast: self.setup.group.is_some(),
             stations: &self.stations,
-            logical: &self.waiting,
+            logical: &self.logical,
             remembered: &mut self.remembered,
             alerts: &mut self.alerts,
             outbox: &mut self.outbox,
             paths: &mut self.paths,
             counters: &mut self.counters,
-            log: &mut self.log,
+            log: &mut self.records.log,
             disk,
         };
         (effects, &mut self.aircraft)

@@ -7,9 +7,32 @@
 use std::time::Duration;
 
 use mavlink_link::frame;
+use stanag_msgs::Id;
 
 use crate::config::LinkAddress;
 use crate::session::link::frame::Peer;
+
+/// The links of the vehicles, numbered in the order in which the configuration first names them.
+#[derive(Debug, Default)]
+pub(super) struct Links {
+    pub(super) ports: Vec<Port>,
+    /// A buffer for frames that other ground stations are sent, each with its vehicle and whether that vehicle signs.
+    pub(super) believed: Vec<((Id, bool), Vec<u8>)>,
+}
+
+impl Links {
+    pub(super) fn index(&self, link: &LinkAddress) -> Option<usize> {
+        self.ports.iter().position(|port| port.link == *link)
+    }
+
+    /// The index of a link; adds it if it is new.
+    pub(super) fn place(&mut self, link: &LinkAddress) -> usize {
+        self.index(link).unwrap_or_else(|| {
+            self.ports.push(Port::new(link.clone()));
+            self.ports.len() - 1
+        })
+    }
+}
 
 /// One link: a socket, or a serial line.
 #[derive(Debug)]
@@ -38,7 +61,7 @@ pub(super) struct Piece {
 }
 
 impl Port {
-    pub(super) fn new(link: LinkAddress) -> Port {
+    fn new(link: LinkAddress) -> Port {
         Port {
             link,
             cut: None,

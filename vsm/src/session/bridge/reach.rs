@@ -45,7 +45,7 @@ impl Bridge {
         // An attacker may send copies of sealed datagrams from elsewhere, faster than the originals: while the guard is
         // received at its address, no other computer can replace it, even if it relays our challenges.
         let peer = self.paths.peer(index);
-        let copied = self.guarded.is_some()
+        let copied = self.handled.guarded.is_some()
             && peer.is_some_and(|peer| peer.ip() != from.ip())
             && !self.paths.is_quiet(now.mono, index);
         let controls = || {
@@ -225,7 +225,7 @@ impl Bridge {
     /// Sends a station the messages for a new listener: the vehicles and the active alerts.
     pub(super) fn welcome(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
         // The VSM's own active alerts follow with the next check: the program that received them earlier may be gone.
-        self.notified.retain(|station| *station != index);
+        self.checks.notified.retain(|station| *station != index);
         let (mut dli, aircraft) = self.effects(now, disk);
         for one in aircraft.iter_mut() {
             one.ask_authority(&mut dli, Input::Returned { station: index });

@@ -11,11 +11,10 @@ use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
 use stanag_msgs::enums::AckType;
 
-use super::{Bridge, BridgeError, LinkEnd};
+use super::{Bridge, BridgeError, LinkEnd, Setup};
 use crate::config::{Config, Cucs, Dli};
 use crate::session::aircraft::{Aircraft, may_come_again};
 use crate::session::authority::Input;
-use crate::session::context::Settings;
 use crate::session::duplicates::Remembered;
 use crate::session::paths::Limits;
 use crate::session::station::GroundStation;
@@ -87,20 +86,12 @@ impl Bridge {
             .map(Aircraft::id)
             .collect();
         self.restore_contingencies(disk);
-        self.settings = Settings::of(config);
-        self.readings = config.dli.disputed.profile.clone();
+        self.setup = Setup::of(config);
         self.paths.set_limits(Limits::of(&config.dli));
-        self.warnings = config.warnings();
-        let known = self.logical.clone();
-        self.logical = (config.vehicles())
-            .filter_map(|vehicle| Some((vehicle.id, vehicle.logical_id?)))
-            .collect();
-        self.waiting.retain(|one| self.logical.contains(one));
-        let new = self.logical.iter().filter(|one| !known.contains(one));
-        self.waiting.extend(new.copied());
+        self.logical.reload(config, |_| false);
         self.remove_vehicles(config, now, disk);
         self.give_permits(now);
-        let settings = self.settings.clone();
+        let settings = self.setup.settings.clone();
         let (mut dli, aircraft) = self.effects(now, disk);
         for id in new_vehicles {
             if let Some(one) = aircraft.find_mut(id) {

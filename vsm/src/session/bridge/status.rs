@@ -513,14 +513,14 @@ impl Bridge {
         });
         Status {
             vsm,
-            uptime_s: now.saturating_sub(self.started).as_secs_f64(),
-            warnings: self.warnings.clone(),
+            uptime_s: now.saturating_sub(self.records.started).as_secs_f64(),
+            warnings: self.setup.warnings.clone(),
             refused: self.counters.clone(),
             set_aside: set_aside(&self.counters),
             recordings: Counters::default(),
-            received: self.received.clone(),
+            received: self.records.received.clone(),
             sent: self.outbox.sent.clone(),
-            message_names: message_names(&[&self.received, &self.outbox.sent]),
+            message_names: message_names(&[&self.records.received, &self.outbox.sent]),
             held: self.outbox.waiting(),
             findings: self.findings(now),
             logged: Vec::new(),

@@ -11,7 +11,7 @@ use mavlink_link::service::Node;
 use mavlink_link::signing::Stamp;
 use mavlink_link::store::{Disk, Store as _, StoreError};
 
-use super::port::{NamedSystem, Piece, Port};
+use super::port::{NamedSystem, Piece};
 use super::{Bridge, BridgeError, LinkEnd, Tap};
 use crate::config::{self, LinkAddress};
 use crate::session::aircraft::Aircraft;
@@ -34,7 +34,7 @@ impl Bridge {
         not_before: Duration,
         disk: &mut dyn Disk,
     ) -> Result<(), BridgeError> {
-        let link = link_config(vehicle, self.own, &end, disk)?;
+        let link = link_config(vehicle, self.setup.own, &end, disk)?;
         let not_before = Stamp::from_unix(not_before);
         let key = end
             .key
@@ -44,12 +44,12 @@ impl Bridge {
             cause,
         })?;
         let link = VehicleLink::new(Link::new(link), key, vehicle.rate_bps);
-        let services = Services::new(self.own, link.autopilot(), vehicle.rate_bps);
-        let (settings, number) = (self.settings.clone(), self.next_number);
+        let services = Services::new(self.setup.own, link.autopilot(), vehicle.rate_bps);
+        let (settings, number) = (self.setup.settings.clone(), self.aircraft.next_number);
         let mut aircraft = Aircraft::new(vehicle.clone(), settings, link, services, number);
         let known = aircraft.restore(&mut self.effects(now, disk).0)?;
-        self.next_number += 1;
-        aircraft.port = self.port_of(&vehicle.link);
+        self.aircraft.next_number += 1;
+        aircraft.port = self.links.place(&vehicle.link);
         self.remember_stations(now.mono, &known);
         self.aircraft.push(aircraft);
         self.name_commanders();
@@ -59,15 +59,7 @@ impl Bridge {
     /// The index of a link.
     #[must_use]
     pub fn link_index(&self, link: &LinkAddress) -> Option<usize> {
-        self.ports.iter().position(|port| port.link == *link)
-    }
-
-    /// The index of a link; adds it if it is new.
-    fn port_of(&mut self, link: &LinkAddress) -> usize {
-        self.link_index(link).unwrap_or_else(|| {
-            self.ports.push(Port::new(link.clone()));
-            self.ports.len() - 1
-        })
+        self.links.index(link)
     }
 
     /// Takes a datagram, or serial bytes, of the link with this index: links are numbered in the order in which the
@@ -86,7 +78,7 @@ impl Bridge {
         let mut rest = bytes;
         loop {
             let (mut system, mut length) = (None, rest.len());
-            if shared && let Some(port) = self.ports.get_mut(port) {
+            if shared && let Some(port) = self.links.ports.get_mut(port) {
                 Piece { system, length } = port.next_piece(from, rest);
             }
             let piece;
@@ -94,10 +86,10 @@ impl Bridge {
             // No vehicle here has this system id: each of them counts its frames and names it.
             let here = self.aircraft.on_port(port);
             system = system.filter(|system| here.iter().any(|(known, _)| known == system));
-            let trace = self.trace;
+            let trace = self.records.trace;
             // Frames are collected here first: forwarding them needs the bridge, parts of which are borrowed until the loop
             // ends.
-            let mut believed = std::mem::take(&mut self.believed);
+            let mut believed = std::mem::take(&mut self.links.believed);
             let (mut dli, aircraft) = self.effects(now, disk);
             for at in 0..aircraft.on_port(port).len() {
                 let (known, index) = aircraft.on_port(port)[at];
@@ -125,7 +117,7 @@ impl Bridge {
                     Bridge::pass_on(&mut self.forwards, now, of, &frame, disk);
                 }
             }
-            self.believed = believed;
+            self.links.believed = believed;
             if rest.is_empty() {
                 return;
             }
@@ -151,7 +143,7 @@ impl Bridge {
                 continue;
             };
             let port = one.port;
-            let named = &self.ports[port].named;
+            let named = &self.links.ports[port].named;
             let is_due = |(system, frames): &(u8, u32)| {
                 match named.iter().find(|known| known.system == *system) {
                     Some(known) => *frames > known.frames && now.mono >= known.at + NAMED_AGAIN,
@@ -167,10 +159,10 @@ impl Bridge {
             let configured: Vec<_> = configured.map(|(system, _)| system.to_string()).collect();
             let mut text = format!(
                 "MAVLink system {system} sends on {}, where the configuration has system {}: its frames are ignored",
-                self.ports[port].link,
+                self.links.ports[port].link,
                 configured.join(" and ")
             );
-            let named = &mut self.ports[port].named;
+            let named = &mut self.links.ports[port].named;
             let at = now.mono;
             match named.iter_mut().find(|known| known.system == system) {
                 Some(known) => {

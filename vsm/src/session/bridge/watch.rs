@@ -21,13 +21,13 @@ impl Bridge {
         interface: std::net::IpAddr,
         from: std::net::SocketAddr,
     ) {
-        self.evidence.note_elsewhere(mono, interface, from);
+        self.checks.evidence.note_elsewhere(mono, interface, from);
     }
 
     /// The shell has looked at the key files, beside which the bridge has its keys in memory: those that the next start could
     /// not use, whose and why.
     pub fn note_key_files(&mut self, faults: Vec<(String, String)>) {
-        self.key_files.note(faults);
+        self.checks.key_files.note(faults);
     }
 
     /// Findings that concern no single vehicle.
@@ -35,10 +35,12 @@ impl Bridge {
         let mut found = Vec::new();
         let mut links = self.aircraft.iter().map(|one| &one.link);
         let far_ahead = links.any(|link| link.wall_is_far_ahead(mono));
-        let before = self.not_before.as_secs();
+        let before = self.checks.not_before.as_secs();
         found.extend(findings::clock(wall.as_secs(), before, far_ahead));
-        self.evidence.judge(mono, self.group, &mut found);
-        found.extend_from_slice(self.key_files.standing());
+        self.checks
+            .evidence
+            .judge(mono, self.setup.group, &mut found);
+        found.extend_from_slice(self.checks.key_files.standing());
         found.extend(self.access_findings());
         let listed = self.stations.iter().enumerate();
         for (index, station) in listed.filter(|(_, one)| !one.removed) {
@@ -65,7 +67,7 @@ impl Bridge {
 
     /// The present findings.
     pub(super) fn findings(&self, mono: Duration) -> Vec<Finding> {
-        let mut found = self.found.clone();
+        let mut found = self.checks.found.clone();
         let fallen = |one: &&Aircraft| one.vehicle.was_live() && !one.vehicle.live();
         for one in self.aircraft.iter().filter(fallen) {
             let about = one.id().to_string();
@@ -86,10 +88,10 @@ impl Bridge {
     }
 
     pub(super) fn watch_findings(&mut self, now: Now, disk: &mut dyn Disk) {
-        if now.mono < self.look_at {
+        if now.mono < self.checks.look_at {
             return;
         }
-        self.look_at = now.mono + LOOK_EVERY;
+        self.checks.look_at = now.mono + LOOK_EVERY;
         self.name_others(now, disk);
         let mut found = self.own_findings(now.mono, now.wall);
         self.report_own(now, &found, disk);
@@ -98,7 +100,7 @@ impl Bridge {
             self.report_of(now, index, one.as_ref(), disk);
             found.extend(one);
         }
-        self.found = found;
+        self.checks.found = found;
     }
 
     /// Reports the findings of a vehicle to its listeners.
@@ -141,9 +143,7 @@ impl Bridge {
             let mut all = self.aircraft.iter();
             all.any(|one| one.listeners().contains(station))
         };
-        let mut notified = std::mem::take(&mut self.notified);
-        notified.retain(listens);
-        self.notified = notified;
+        self.checks.notified.retain(listens);
     }
 
     /// Reports findings that concern no vehicle to all listeners, in the name of the first vehicle they listen to: every
@@ -151,10 +151,10 @@ impl Bridge {
     fn report_own(&mut self, now: Now, found: &[Finding], disk: &mut dyn Disk) {
         // The usual case, once a second: nothing is allocated.
         if found.is_empty() && self.alerts.standing().next().is_none() {
-            return self.notified.clear();
+            return self.checks.notified.clear();
         }
         let listeners = self.all_listeners();
-        let before = std::mem::take(&mut self.notified);
+        let before = std::mem::take(&mut self.checks.notified);
         let (mut dli, _) = self.effects(now, disk);
         let standing: Vec<_> = found.iter().map(|one| (one.code, one.key)).collect();
         while let Some((cause, text)) = dli.alerts.ended_finding(&standing) {
@@ -174,7 +174,7 @@ impl Bridge {
             let raised = dli.alerts.raise(cause(finding), priority, subsystem, text);
             dli.alert_each(&listeners, raised);
         }
-        self.notified = listeners.into_iter().map(|(station, _)| station).collect();
+        self.checks.notified = listeners.into_iter().map(|(station, _)| station).collect();
     }
 }
 

@@ -156,7 +156,7 @@ impl Bridge {
     fn end_web(&mut self, index: usize, why: WebRefusal) {
         if let Some(link) = self.stations[index].web {
             self.counters.count(why.name());
-            self.web_ends.push((link.number, why));
+            self.web.ends.push((link.number, why));
             self.leave_web(index);
         }
     }
@@ -171,11 +171,13 @@ impl Bridge {
         let listed = |id: &Id| self.stations.iter().any(|one| one.id() == *id);
         let cucs = cucs.filter(listed);
         if let Some(cucs) = cucs {
-            self.evidence.note(now, from, Fault::Web(cucs, why.name()));
+            self.checks
+                .evidence
+                .note(now, from, Fault::Web(cucs, why.name()));
         }
-        if self.web_logged.take(now, LOGGED) {
+        if self.web.logged.take(now, LOGGED) {
             let reason = why.name().trim_start_matches("web: ");
-            self.log.push_back(LogEntry {
+            self.records.log.push_back(LogEntry {
                 level: LogLevel::Warning,
                 about: cucs.unwrap_or(self.vsm),
                 text: format!("web client refused: {reason}, from {from}"),
@@ -185,7 +187,7 @@ impl Bridge {
 
     /// A connection that the shell is to end, and why.
     pub fn poll_web_end(&mut self) -> Option<(u64, WebRefusal)> {
-        self.web_ends.pop()
+        self.web.ends.pop()
     }
 
     /// Where what is for this station goes.

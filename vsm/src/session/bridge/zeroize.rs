@@ -227,7 +227,9 @@ impl Bridge {
             delay: station.delay,
             // Its layout is defined by this project.
             layout: true,
-            plan: self.zeroize.plan(self.guarded == Some(origin.station)),
+            plan: self
+                .zeroize
+                .plan(self.handled.guarded == Some(origin.station)),
             vehicle: self.fleet(Some(station.id())),
         })
     }

@@ -9,6 +9,7 @@
 //!
 //! Offers are repeated: one that is lost is made up for by the next, [`OFFER_EVERY`] later.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use hmac::{Hmac, KeyInit as _, Mac as _};
@@ -31,6 +32,8 @@ pub(crate) struct GroupSender {
     /// Both clocks at the start: the wall clock is read once, as by a signing clock.
     start: Now,
     last: Stamp,
+    /// When each guard was last offered the key, by its CUCS.
+    offered: BTreeMap<Id, Duration>,
 }
 
 struct GroupKey {
@@ -72,6 +75,7 @@ impl GroupSender {
             number: 0,
             start: now,
             last: Stamp::ZERO,
+            offered: BTreeMap::new(),
         }
     }
 
@@ -79,6 +83,17 @@ impl GroupSender {
     pub(crate) fn renew(&mut self) {
         self.number = self.number.wrapping_add(1);
         self.key = GroupKey::of(&self.secret, self.number);
+        self.offered.clear();
+    }
+
+    /// Whether the guard of this CUCS is to be offered the key.
+    pub(crate) fn offer_is_due(&self, cucs: Id, now: Duration) -> bool {
+        let last = self.offered.get(&cucs);
+        last.is_none_or(|at| *at + OFFER_EVERY <= now)
+    }
+
+    pub(crate) fn note_offered(&mut self, cucs: Id, now: Duration) {
+        self.offered.insert(cucs, now);
     }
 
     /// What a guard is given.
@@ -181,7 +196,7 @@ impl GroupReceiver {
 }
 
 /// How often a guard is offered the key.
-pub(crate) const OFFER_EVERY: Duration = Duration::from_secs(5);
+const OFFER_EVERY: Duration = Duration::from_secs(5);
 /// The step of the stamps.
 const ONE: Duration = Duration::from_micros(10);
 
