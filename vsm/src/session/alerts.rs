@@ -8,8 +8,9 @@ use mapping::health::HealthFault;
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
-use super::allowance::{Allowance, Rate};
+use super::allowance::Allowance;
 use super::findings::Code;
+use super::limits::{ALERTS, NOTICES, REFUSALS, SAME_REFUSAL};
 use super::trigger::Trigger;
 
 /// A lasting cause. Each has at most one active alert per vehicle.
@@ -209,7 +210,7 @@ impl Alerts {
             }
             return None;
         }
-        if self.late.is_empty() && self.changes.take(now, CHANGES) {
+        if self.late.is_empty() && self.changes.take(now, ALERTS) {
             return Some(raised);
         }
         self.late.push(raised);
@@ -218,7 +219,7 @@ impl Alerts {
 
     /// The next delayed change, once the rate limit allows it.
     pub(crate) fn next_late(&mut self, now: Duration) -> Option<Raised> {
-        let due = !self.late.is_empty() && self.changes.take(now, CHANGES);
+        let due = !self.late.is_empty() && self.changes.take(now, ALERTS);
         due.then(|| self.late.remove(0))
     }
 
@@ -450,7 +451,7 @@ impl Alerts {
     /// When the next answer is cleared, or a delayed change may be sent.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         let over = self.answers.front().map(|oldest| oldest.until);
-        let late = (!self.late.is_empty()).then(|| self.changes.next_at(CHANGES));
+        let late = (!self.late.is_empty()).then(|| self.changes.next_at(ALERTS));
         over.into_iter().chain(late).min()
     }
 
@@ -514,26 +515,6 @@ const IDS_A_VEHICLE: i32 = 1_000_000;
 const QUIET: Duration = Duration::from_secs(2);
 /// Maximum number of different texts within [`QUIET`].
 const MAX_LATELY: usize = 50;
-/// The same refusal to one station: one a second, two at once.
-const SAME_REFUSAL: Rate = Rate {
-    cost: Duration::from_secs(1),
-    burst: Duration::from_secs(2),
-};
-/// All refusals to one station: four a second, 32 at once.
-const REFUSALS: Rate = Rate {
-    cost: Duration::from_millis(250),
-    burst: Duration::from_secs(8),
-};
-/// Texts and events of one vehicle: eight a second, 240 at once.
-const NOTICES: Rate = Rate {
-    cost: Duration::from_millis(125),
-    burst: Duration::from_secs(30),
-};
-/// Alerts of one vehicle that begin, change or end: 20 a second, 200 at once.
-const CHANGES: Rate = Rate {
-    cost: Duration::from_millis(50),
-    burst: Duration::from_secs(10),
-};
 /// How long the answer to a command is shown.
 const ANSWER_STANDS: Duration = Duration::from_secs(15);
 /// Maximum number of answers shown at once: beyond it the oldest is cleared early.

@@ -6,14 +6,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-/// How fast a bucket fills, and how much it holds.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Rate {
-    /// What one message costs: the bucket fills by one in this time.
-    pub(crate) cost: Duration,
-    /// The bucket holds as much as fills it in this time.
-    pub(crate) burst: Duration,
-}
+use super::limits::{NEWCOMERS, Rate};
 
 /// One bucket, full at first.
 #[derive(Debug, Clone, Copy, Default)]
@@ -29,13 +22,13 @@ impl Allowance {
 
     /// When one can be taken out of it at the earliest.
     pub(crate) fn next_at(&self, rate: Rate) -> Duration {
-        (self.full_at + rate.cost).saturating_sub(rate.burst)
+        (self.full_at + rate.cost).saturating_sub(rate.burst())
     }
 
     /// Takes one message out of it; false where there is none left.
     pub(crate) fn take(&mut self, now: Duration, rate: Rate) -> bool {
         let full_at = self.full_at.max(now) + rate.cost;
-        let has = full_at <= now + rate.burst;
+        let has = full_at <= now + rate.burst();
         if has {
             self.full_at = full_at;
         }
@@ -84,19 +77,12 @@ impl StationAllowance {
 
 /// Addresses that one station's messages come from at a time.
 const MAX_ADDRESSES: usize = 8;
-const NEWCOMERS: Rate = Rate {
-    cost: Duration::from_millis(500),
-    burst: Duration::from_secs(4),
-};
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const RATE: Rate = Rate {
-        cost: Duration::from_millis(10),
-        burst: Duration::from_secs(1),
-    };
+    const RATE: Rate = Rate::one_in(Duration::from_millis(10), 100);
 
     fn address(port: u16) -> SocketAddr {
         ([127, 0, 0, 1], port).into()

@@ -87,6 +87,7 @@ mod forward;
 mod guard;
 mod held;
 mod ignored_fields;
+mod limits;
 mod link;
 mod log;
 mod logical;

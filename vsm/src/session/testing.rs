@@ -30,6 +30,7 @@ use super::context::{
 use super::counters::Counters;
 use super::duplicates::Remembered;
 use super::effects::{DliEffects, Effects, Request};
+use super::limits::Limits;
 use super::link::services::Services;
 use super::link::state::VehicleState;
 use super::log::LogEntry;
@@ -151,7 +152,7 @@ impl World {
             vsm_alerts: Alerts::new(0),
             outbox: Outbox::default(),
             // Nothing is held back: what a machine sends is what is seen.
-            paths: Paths::default(),
+            paths: Paths::new(Limits::of(&config.dli), std::iter::empty()),
             stations,
         }
     }

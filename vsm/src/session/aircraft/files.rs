@@ -12,6 +12,7 @@ use super::Aircraft;
 use crate::config::LinkAddress;
 use crate::session::effects::{DliEffects, Effects};
 use crate::session::files::{FileAccess, FileEvent, FileRefusal, MAX_IN_FLIGHT};
+use crate::session::limits::FILES_IN_FLIGHT_BYTES_S;
 use crate::session::log::LogLevel;
 use crate::session::metadata::{Defined, KEY_FILE, MetadataReader};
 use crate::session::reports;
@@ -203,7 +204,7 @@ impl Aircraft {
             (Some(rate_bps), _) => Some(rate_bps / 50),
             // Half of the line, ten bits a byte.
             (None, LinkAddress::Serial { baud, .. }) => Some(baud / 20),
-            _ => self.may_fly().map(|_| IN_FLIGHT_BYTES_PER_S),
+            _ => self.may_fly().map(|_| FILES_IN_FLIGHT_BYTES_S),
         };
         self.services.files.limit(rate);
     }
@@ -217,7 +218,3 @@ impl Aircraft {
         }
     }
 }
-
-/// Rate of file transfers in flight, bytes a second on the wire: a seventh of a 57,600 baud radio downlink, and less of the
-/// uplink.
-const IN_FLIGHT_BYTES_PER_S: u32 = 8_000;

@@ -5,7 +5,6 @@
 //! station that loses a right by it still holds that right ([`AuthorityMachine::rights`]).
 
 use std::collections::VecDeque;
-use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mavlink_link::store::{Changes, Disk, Durability, Progress};
@@ -17,9 +16,9 @@ use super::record::durability;
 use super::rules::{Answer, Authority, Change, Circumstances, Decision, Reason, Refusal, Rights};
 use super::{AuthorityMachine, Context, Of, Unstored, welcome};
 use crate::session::alerts::Cause;
-use crate::session::allowance::Rate;
 use crate::session::context::{self, Transfer};
 use crate::session::effects::{Effects, Request};
+use crate::session::limits::{MONITORS, RIGHTS};
 use crate::session::log::LogLevel;
 use crate::session::station::GroundStation;
 use crate::session::store::record_fault;
@@ -125,7 +124,7 @@ impl AuthorityMachine {
         if durability(decision) == Durability::Process {
             return monitors.take(context.mono(), MONITORS);
         }
-        commands.take(context.mono(), CHANGES)
+        commands.take(context.mono(), RIGHTS)
     }
 
     /// Applies the decisions that are durable.
@@ -284,16 +283,5 @@ fn launch_or_landing(context: &Context<'_>) -> bool {
     telemetry.armed == Some(true) && (by_mode || context.mission.lands(telemetry))
 }
 
-/// Synchronised changes of rights of one CUCS: four a second, 32 at once.
-const CHANGES: Rate = Rate {
-    cost: Duration::from_millis(250),
-    burst: Duration::from_secs(8),
-};
-/// Changes of LOI 2 alone, which are written but not synchronised, and each start with a set of reports: ten a second, 40 at
-/// once.
-const MONITORS: Rate = Rate {
-    cost: Duration::from_millis(100),
-    burst: Duration::from_secs(4),
-};
 /// Maximum number of decisions of a vehicle that wait for the disk.
 const MAX_UNSTORED: usize = 256;

@@ -1,7 +1,7 @@
 //! A datagram of the DLI side: its sender, whether it is accepted, and whether it was answered before.
 //!
-//! Each reason for dropping a datagram has its own counter. Messages of a station beyond its rate limits ([`COMMANDS`],
-//! [`QUESTIONS`]) are dropped unread and unanswered: answers would be a flood too. If a listed station requests an answer to
+//! Each reason for dropping a datagram has its own counter. Messages of a station beyond its rates (`limits`)
+//! are dropped unread and unanswered: answers would be a flood too. If a listed station requests an answer to
 //! a message that cannot be decoded or is not for a VSM, it is refused with the reason. Repeated, such messages are a finding,
 //! whether an answer is requested or not.
 
@@ -23,7 +23,6 @@ use super::reach::Arriving;
 use super::{Bridge, destination_as_source};
 use crate::config::Edition;
 use crate::session::aircraft::Aircraft;
-use crate::session::allowance::Rate;
 use crate::session::authority::rules::Silence;
 use crate::session::authority::{self, Input};
 use crate::session::context::Origin;
@@ -115,13 +114,8 @@ impl Bridge {
         let edition = Edition::of_idd(frame.header.idd);
         match self.admit(from, &frame.header, edition) {
             Ok(index) => {
-                let rate = if is_command(frame.header.message_type) {
-                    COMMANDS
-                } else {
-                    QUESTIONS
-                };
-                let station = &mut self.stations[index];
-                if !(station.allowance).take(now.mono, from, station.peer, rate) {
+                let commands = is_command(frame.header.message_type);
+                if !self.stations[index].is_within_rate(now.mono, from, commands) {
                     return self.counters.count("over the station's rate");
                 }
                 if !self.may_speak(now.mono, index, false) {
@@ -570,14 +564,3 @@ const UNGUARDED: &str = "guard: no trailer";
 /// The counter of what is not carried out while [`Bridge::pause`] holds.
 pub(super) const PAUSED: &str = "the lease of this node has ended";
 const ACKNOWLEDGEMENT: u16 = 17000;
-/// Commands of one station, which are logged each: 1,000 a second, 2,000 at once. An upload of 10,000 waypoints is
-/// slowed down, and sent again where it was cut.
-pub(super) const COMMANDS: Rate = Rate {
-    cost: Duration::from_millis(1),
-    burst: Duration::from_secs(2),
-};
-/// Queries, sticks and heartbeats: 4,000 a second.
-pub(super) const QUESTIONS: Rate = Rate {
-    cost: Duration::from_micros(250),
-    burst: Duration::from_secs(2),
-};

@@ -18,7 +18,7 @@ use stanag_msgs::wrapper::{Header, MAX_DATAGRAM};
 use stanag_msgs::{ChecksumStyle, Envelope, Id, Message, TimeStamp, ed25};
 
 use super::Bridge;
-use super::arrival::{Barred, COMMANDS, PAUSED, QUESTIONS, drop_name};
+use super::arrival::{Barred, PAUSED, drop_name};
 use super::reach::Arriving;
 use crate::config::Edition;
 use crate::session::access::{Group, Permitted};
@@ -72,13 +72,8 @@ impl Bridge {
         match self.admit(from, &header, Edition::Ed25) {
             Ok(index) => {
                 let made = at.info.and_then(|info| info.ed4_messages.first());
-                let rate = if made.is_none_or(|made| is_command(*made)) {
-                    COMMANDS
-                } else {
-                    QUESTIONS
-                };
-                let station = &mut self.stations[index];
-                if !(station.allowance).take(now.mono, from, station.peer, rate) {
+                let commands = made.is_none_or(|made| is_command(*made));
+                if !self.stations[index].is_within_rate(now.mono, from, commands) {
                     return self.counters.count("over the station's rate");
                 }
                 if !self.may_speak(now.mono, index, true) {

@@ -16,7 +16,7 @@ use crate::config::{Config, Cucs, Dli};
 use crate::session::aircraft::{Aircraft, may_come_again};
 use crate::session::authority::Input;
 use crate::session::duplicates::Remembered;
-use crate::session::paths::Limits;
+use crate::session::limits::Limits;
 use crate::session::station::GroundStation;
 
 impl Bridge {

@@ -14,8 +14,8 @@ use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::guard::ConnectionKey;
 
 use super::Bridge;
-use crate::session::allowance::Rate;
 use crate::session::findings::dli::Fault;
+use crate::session::limits::WEB_REFUSALS;
 use crate::session::log::{LogEntry, LogLevel};
 use crate::session::station::GroundStation;
 use crate::session::web::{Body, Hello, WebLink, WebRefusal, WebStatus};
@@ -175,7 +175,7 @@ impl Bridge {
                 .evidence
                 .note(now, from, Fault::Web(cucs, why.name()));
         }
-        if self.web.logged.take(now, LOGGED) {
+        if self.web.logged.take(now, WEB_REFUSALS) {
             let reason = why.name().trim_start_matches("web: ");
             self.records.log.push_back(LogEntry {
                 level: LogLevel::Warning,
@@ -237,10 +237,3 @@ fn levels(loi: LoiBitmap) -> Vec<u8> {
     let held = all.into_iter().filter(|(_, level)| loi.intersects(*level));
     held.map(|(number, _)| number).collect()
 }
-
-/// Refusals of web clients in the log: six at once, then one in ten seconds. Whoever is refused without end must not push
-/// everything else out of the page's events; the counters have all of them.
-const LOGGED: Rate = Rate {
-    cost: Duration::from_secs(10),
-    burst: Duration::from_secs(60),
-};

@@ -6,9 +6,10 @@ use std::time::Duration;
 use stanag_msgs::ed25;
 
 use super::proof::question_bytes;
-use super::rate::{Kind, Limits};
+use super::rate::Kind;
 use super::unproven::UnprovenRate;
 use super::{Path, Paths, Station};
+use crate::session::limits::{Limits, UNPROVEN_GROUP_BYTES_S};
 use crate::session::outbox::{Datagram, Destination};
 
 /// The decision about a datagram.
@@ -295,9 +296,6 @@ const MAX_WAITING: usize = 256;
 const LONGEST_WAIT: Duration = Duration::from_secs(2);
 /// Maximum credit of an unproven CUCS, bytes.
 const MAX_CREDIT: usize = 32_768;
-/// Rate of status and alerts to the group for an unproven station: enough for some vehicles at their usual rates, but no
-/// flood.
-const UNPROVEN_GROUP_BYTES_S: u32 = 8_192;
 /// Reports to an unproven address, in this order: position and state most often. `OTHER`: those scheduled by 17001.
 const TURNS: [u16; 6] = [4000, 3001, 4000, 3002, 4001, OTHER];
 const OTHER: u16 = 0;

@@ -38,16 +38,17 @@ use mavlink_link::signing::KeyId;
 
 pub(crate) use self::credit::Verdict;
 pub(crate) use self::proof::{Proof, question_bytes};
+pub(crate) use self::rate::Kind;
 use self::rate::Rate;
-pub(crate) use self::rate::{Kind, Limits};
 use self::unproven::UnprovenRate;
+use super::limits::Limits;
 use super::outbox::Datagram;
 
 /// A message that was held back, and the guard key that has sealed it.
 type Held = (Box<[u8]>, Option<KeyId>);
 
 /// The paths of all stations, by their index.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Paths {
     /// The key of the challenges: without it a stamp could be predicted.
     secret: [u8; 32],

@@ -7,8 +7,9 @@ use mavlink_link::Now;
 use sha2::{Digest as _, Sha256};
 use stanag_msgs::TimeStamp;
 
-use super::rate::{Kind, Limits};
+use super::rate::Kind;
 use super::{FIRST_PAUSE, Path, Paths, Station};
+use crate::session::limits::Limits;
 
 /// The result of a 17000 for a heartbeat of ours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,44 +4,8 @@ use std::time::Duration;
 
 use stanag_msgs::messages::{MessageAcknowledgement, VsmAuthorisationResponse};
 
-use crate::config::Dli;
+use crate::session::limits::Limits;
 use crate::session::outbox::Datagram;
-
-/// The configured limits.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Limits {
-    /// How long status is sent to an address from which nothing comes.
-    pub(crate) lease: Duration,
-    /// Bytes a second to one station.
-    pub(crate) bytes_s: u32,
-    /// Messages a second to one station.
-    pub(crate) messages_s: u32,
-    /// How much of the rate may be used at once.
-    pub(crate) burst: Duration,
-}
-
-impl Limits {
-    /// The limits of a configuration.
-    pub(crate) fn of(dli: &Dli) -> Limits {
-        Limits {
-            lease: Duration::from_secs_f64(dli.lease_s),
-            bytes_s: dli.max_bytes_s,
-            messages_s: dli.max_messages_s,
-            burst: BURST,
-        }
-    }
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Limits {
-            lease: Duration::from_secs(60),
-            bytes_s: 65_536,
-            messages_s: 1_000,
-            burst: BURST,
-        }
-    }
-}
 
 /// The kind of a message, by importance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -108,6 +72,3 @@ impl Rate {
         self.bytes = (self.bytes + nanos(bytes)).saturating_sub(nanos(taken));
     }
 }
-
-/// The burst of a station's rate.
-const BURST: Duration = Duration::from_secs(4);

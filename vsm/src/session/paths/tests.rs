@@ -9,12 +9,19 @@ use stanag_msgs::Id;
 use super::*;
 use crate::session::outbox::Destination;
 
+/// Those of the configuration's defaults.
+const LIMITS: Limits = Limits {
+    lease: Duration::from_secs(60),
+    bytes_s: 65_536,
+    messages_s: 1_000,
+    burst: Duration::from_secs(4),
+};
 const FROM: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 40_000);
 
 /// How often it has to send until it has proved its address, each time 4 s later, where the datagram of this number is lost:
 /// questions and answers are counted in their order.
 fn sends(ed25: bool, bytes: usize, lost: usize) -> usize {
-    let mut paths = Paths::new(Limits::default(), [None].into_iter());
+    let mut paths = Paths::new(LIMITS, [None].into_iter());
     paths.set_edition(0, ed25);
     // 17000, and #1400.
     let answer = if ed25 { 78 } else { 34 };
@@ -78,7 +85,7 @@ fn beside_forgeries(
     forged: impl Fn(u32) -> SocketAddr,
     a_second: u32,
 ) -> (usize, Option<Duration>) {
-    let mut paths = Paths::new(Limits::default(), [None].into_iter());
+    let mut paths = Paths::new(LIMITS, [None].into_iter());
     let own = OWN;
     let mut now = Now {
         mono: Duration::from_secs(100),
@@ -150,7 +157,7 @@ fn other_ports_of_its_own_computer_do_not_keep_a_station_out() {
 
 #[test]
 fn a_station_that_steers_and_acknowledges_nothing_keeps_its_answers_and_the_position() {
-    let mut paths = Paths::new(Limits::default(), [None].into_iter());
+    let mut paths = Paths::new(LIMITS, [None].into_iter());
     let mut now = Now {
         mono: Duration::from_secs(100),
         wall: Duration::from_secs(1_795_219_200),
@@ -172,7 +179,7 @@ fn a_station_that_steers_and_acknowledges_nothing_keeps_its_answers_and_the_posi
 
 #[test]
 fn an_answer_that_waits_for_the_shared_rate_is_sent_without_another_message() {
-    let mut paths = Paths::new(Limits::default(), [None].into_iter());
+    let mut paths = Paths::new(LIMITS, [None].into_iter());
     let mut now = Now {
         mono: Duration::from_secs(100),
         wall: Duration::from_secs(1_795_219_200),

@@ -17,12 +17,13 @@ use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
 
-use super::rate::{Kind, Limits, Rate};
+use super::rate::{Kind, Rate};
+use crate::session::limits::{UNPROVEN_EACH, UNPROVEN_PARTS, UNPROVEN_REST};
 
 /// The rate of each part, and the rest.
 #[derive(Debug)]
 pub(super) struct UnprovenRate {
-    parts: [Rate; PARTS],
+    parts: [Rate; UNPROVEN_PARTS],
     rest: Rate,
     /// Nobody is to choose addresses that share a part with a certain station's.
     secret: [u8; 32],
@@ -46,14 +47,16 @@ impl UnprovenRate {
     /// Whether a datagram may be sent to this address now.
     pub(super) fn take(&mut self, now: Duration, to: SocketAddr, kind: Kind) -> bool {
         self.part(to).is_none_or(|part| {
-            self.parts[part].take(now, 0, kind, &EACH) || self.rest.take(now, 0, kind, &REST)
+            self.parts[part].take(now, 0, kind, &UNPROVEN_EACH)
+                || self.rest.take(now, 0, kind, &UNPROVEN_REST)
         })
     }
 
     /// Whether [`UnprovenRate::take`] would allow it.
     pub(super) fn has_room(&self, now: Duration, to: SocketAddr, kind: Kind) -> bool {
         self.part(to).is_none_or(|part| {
-            self.parts[part].has_room(now, kind, &EACH) || self.rest.has_room(now, kind, &REST)
+            self.parts[part].has_room(now, kind, &UNPROVEN_EACH)
+                || self.rest.has_room(now, kind, &UNPROVEN_REST)
         })
     }
 
@@ -69,23 +72,6 @@ impl UnprovenRate {
             IpAddr::V6(ip) => hash.update(ip.octets()),
         }
         hash.update(to.port().to_be_bytes());
-        Some(usize::from(hash.finalize()[0]) % PARTS)
+        Some(usize::from(hash.finalize()[0]) % UNPROVEN_PARTS)
     }
 }
-
-/// With [`EACH`] and [`REST`]: with every part in use a burst of 177 datagrams, then 88 a second. What is sent within three seconds
-/// takes some 340 kB of the 416 kB that Linux gives a socket where `net.core.wmem_max` was not raised: it counts 768 bytes for a
-/// small datagram.
-const PARTS: usize = 16;
-const EACH: Limits = Limits {
-    lease: Duration::ZERO,
-    bytes_s: u32::MAX,
-    messages_s: 4,
-    burst: Duration::from_secs(1),
-};
-/// Enough for a station that never acknowledges and steers: its commands are acknowledged as received and as carried out.
-const REST: Limits = Limits {
-    messages_s: 24,
-    burst: Duration::from_secs(4),
-    ..EACH
-};

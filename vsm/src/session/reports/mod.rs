@@ -53,10 +53,11 @@ use self::requests::Requests;
 use self::settings::SettingsReading;
 pub use self::settings::VehicleSettings;
 use super::alerts::{Alerts, Cause};
-use super::allowance::{Allowance, Rate};
+use super::allowance::Allowance;
 use super::context::{self, FlightView, MissionView, Origin, ParameterView};
 use super::effects::Effects;
 use super::ignored_fields;
+use super::limits::MODES;
 use super::payload::PayloadView;
 use super::station::GroundStation;
 use crate::config::Provisional;
@@ -733,8 +734,3 @@ fn known_report(message: u16) -> Result<(), String> {
 const MAX_HERTZ: u16 = 100;
 /// Reports published on schedule in one call.
 const MAX_AT_ONCE: usize = 32;
-/// Changes of mode that are reported by themselves: ten a second, 40 at once.
-const MODES: Rate = Rate {
-    cost: Duration::from_millis(100),
-    burst: Duration::from_secs(4),
-};

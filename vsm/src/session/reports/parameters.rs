@@ -9,7 +9,6 @@
 //! refused with the reason.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::time::Duration;
 
 use mapping::parameter;
 use mapping::parameter_metadata::ParameterMetadata;
@@ -19,9 +18,10 @@ use stanag_msgs::enums::AckType;
 use stanag_msgs::messages::{ParameterRequest, ParameterSetCommand};
 
 use super::controls::ControlWatch;
-use crate::session::allowance::{Allowance, Rate};
+use crate::session::allowance::Allowance;
 use crate::session::context::{Context, Origin};
 use crate::session::effects::Effects;
+use crate::session::limits::{PARAMETER_LISTS, PARAMETERS};
 use crate::session::turns::Turns;
 
 /// The machine.
@@ -202,14 +202,14 @@ impl ParameterRequests {
         }
         let rates = self.rates.entry(station).or_default();
         let (rate, allowance, what) = match wanted {
-            Wanted::List => (LISTS, &mut rates.lists, "all parameters"),
-            Wanted::Read(_) | Wanted::Set(..) => (SINGLE, &mut rates.single, "parameters"),
+            Wanted::List => (PARAMETER_LISTS, &mut rates.lists, "all parameters"),
+            Wanted::Read(_) | Wanted::Set(..) => (PARAMETERS, &mut rates.single, "parameters"),
         };
         if !allowance.take(context.mono(), rate) {
             let why = format!(
                 "this station requests {what} too often: more than {} times within {} s",
-                rate.burst.as_millis() / rate.cost.as_millis().max(1),
-                rate.burst.as_secs()
+                rate.at_once,
+                rate.burst().as_secs()
             );
             return effects.refuse(Some(origin), why);
         }
@@ -368,13 +368,3 @@ const CONTROLS: usize = usize::MAX;
 const MAX_KNOWN: usize = 4_096;
 /// Maximum number of waiting requests of one station.
 pub(super) const MAX_PLACES: usize = 16;
-/// Rate limit of single parameters per station: the burst covers all parameters of a vehicle, then 100 a second follow.
-const SINGLE: Rate = Rate {
-    cost: Duration::from_millis(10),
-    burst: Duration::from_secs(10),
-};
-/// Rate limit of complete lists per station: each takes the vehicle some seconds.
-const LISTS: Rate = Rate {
-    cost: Duration::from_secs(5),
-    burst: Duration::from_secs(20),
-};

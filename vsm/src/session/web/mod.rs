@@ -26,7 +26,8 @@ pub(crate) use self::link::WebLink;
 pub use self::link::WebStatus;
 pub use self::refusal::WebRefusal;
 pub use self::request::{Request, RouteFile, Unusable};
-use super::allowance::{Allowance, Rate};
+use super::allowance::Allowance;
+use super::limits::WEB_FRAMES;
 
 /// The first frame of a client.
 #[derive(Debug)]
@@ -178,7 +179,7 @@ impl WebEnd {
         now: Duration,
         frame: &str,
     ) -> Result<Result<(u64, Request), Unusable>, WebRefusal> {
-        if !self.allowance.take(now, FRAMES) {
+        if !self.allowance.take(now, WEB_FRAMES) {
             return Err(WebRefusal::Flood);
         }
         if frame.len() > MAX_FRAME {
@@ -249,11 +250,6 @@ const VERSION: u32 = 1;
 pub const MAX_HELLO: usize = 1_024;
 /// The longest frame: a route as a file of text.
 pub const MAX_FRAME: usize = 262_144;
-/// Frames of one client: 500 a second, 1,000 at once.
-const FRAMES: Rate = Rate {
-    cost: Duration::from_millis(2),
-    burst: Duration::from_secs(2),
-};
 
 #[cfg(test)]
 mod tests;
