@@ -18,11 +18,13 @@
 //! nobody is in control. Handled causes are stored on disk: a restart neither flies an action again nor forgets one that
 //! has not been flown. A PX4 failsafe does not end a contingency: the action waits for the end of the failsafe, but only
 //! for a limited time if that merely holds. The parts: `priority` decides whether this or the loss action is flown;
-//! `cause`: whether a cause is active; `reported`: what a vehicle reports about each cause; `setting`: what CUCSs have set;
-//! `outlet`: what the machine needs from its host; `provision`: the action for each cause; `record`: what is kept over a
-//! restart.
+//! `cause`: whether a cause is active; `attempt`: which action is tried, and how often; `operator`: who decides instead;
+//! `reported`: what a vehicle reports about each cause; `setting`: what CUCSs have set; `outlet`: what the machine needs from
+//! its host; `provision`: the action for each cause; `record`: what is kept over a restart.
 
+mod attempt;
 mod cause;
+mod operator;
 mod outlet;
 pub(crate) mod priority;
 mod provision;
@@ -247,15 +249,6 @@ impl Contingencies {
         self.trying.is_some() || self.handled.iter().any(flown)
     }
 
-    /// The action that is tried until it is shown, after the configured one has failed: without a position only a landing
-    /// is possible.
-    fn last(&self) -> Action {
-        match self.is_present(Trigger::Position) {
-            true => Action::Land,
-            false => Action::Rtl,
-        }
-    }
-
     fn is_present(&self, trigger: Trigger) -> bool {
         self.watches
             .get(trigger.index())
@@ -265,101 +258,6 @@ impl Contingencies {
     fn end_of(&self, trigger: Trigger) -> Option<End> {
         let found = self.handled.iter().find(|one| one.trigger == trigger);
         found.map(|one| one.end)
-    }
-
-    /// Whether the sender of a command `at` this time may have decided against what is flown: the alerts about all of it
-    /// were raised some seconds before.
-    pub(crate) fn knew_of(&self, at: Duration) -> bool {
-        let concerns = |one: &Trigger| {
-            self.trying.is_some_and(|trying| trying.trigger == *one)
-                || (self.is_present(*one) && self.end_of(*one).and_then(End::flown).is_some())
-        };
-        Trigger::ALL.into_iter().filter(concerns).all(|one| {
-            let alerted = self.alerted.get(one.index()).copied().flatten();
-            // `None` after a restart, for a cause whose action was flown before it. That is known, and must not refuse
-            // commands forever.
-            alerted.is_none_or(|alerted| alerted + READ_WITHIN <= at)
-        })
-    }
-
-    /// The CUCS in control, which knows of the contingency, sends another command: its decision applies.
-    pub(crate) fn overridden(&mut self, config: &Provision, effects: &mut dyn Outlet) {
-        let standing = Trigger::ALL
-            .into_iter()
-            .filter(|one| self.is_present(*one) && one.action(config).is_some())
-            // The CUCS does not know about the others yet.
-            .filter(|one| self.alerted.get(one.index()).is_some_and(Option::is_some));
-        let standing: Vec<Trigger> = standing
-            .filter(|one| self.end_of(*one) != Some(End::Operator))
-            .collect();
-        self.trying = None;
-        if standing.is_empty() {
-            return;
-        }
-        for trigger in &standing {
-            self.set(*trigger, End::Operator);
-        }
-        self.save(effects);
-        for trigger in standing {
-            let text = format!(
-                "{}: the CUCS in control has sent another command",
-                trigger.text(config)
-            );
-            self.raise(trigger, AlertPriority::Warning, text, effects);
-        }
-    }
-
-    /// A command of the CUCS in control waits for its route: if that is refused, the action is tried again.
-    pub(crate) fn operator_loads(&mut self) {
-        if let Some(trying) = &mut self.trying {
-            trying.yields = true;
-        }
-    }
-
-    /// The CUCS in control is lost: an operator who decided otherwise can no longer see the vehicle.
-    pub(crate) fn controller_lost(&mut self, effects: &mut dyn Outlet) {
-        let before = self.handled.len();
-        // An action that the vehicle still shows is handled again at once. A completed route is not flown again from its
-        // start.
-        let stays = |end| matches!(end, End::Pilot | End::Completed(_));
-        self.handled.retain(|one| stays(one.end));
-        if self.handled.len() != before {
-            self.save(effects);
-        }
-    }
-
-    /// The CUCS in control has released the vehicle and nobody has taken it: actions that it ended are flown again.
-    pub(crate) fn released(&mut self, effects: &mut dyn Outlet) {
-        let before = self.handled.len();
-        self.handled.retain(|one| one.end != End::Operator);
-        if self.handled.len() != before {
-            self.save(effects);
-        }
-    }
-
-    /// A flight termination is commanded: actions that were not shown begin again after it, if it is reset in the air.
-    pub(crate) fn yield_to_termination(&mut self, effects: &mut dyn Outlet) {
-        if let Some(trying) = self.trying.take() {
-            effects.clear(
-                Cause::Contingency(trying.trigger),
-                "a flight termination is commanded",
-            );
-        }
-        self.watches = Default::default();
-        self.alerted = Default::default();
-    }
-
-    /// The vehicle makes no progress on a contingency action: it returns or lands. Returns false if it flies none.
-    pub(crate) fn begin_again(&mut self, now: Duration) -> bool {
-        let flown = |one: &&Handled| one.end.flown().is_some();
-        let flown = self.handled.iter().find(flown).map(|one| one.trigger);
-        let Some(trigger) = self.trying.map(|trying| trying.trigger).or(flown) else {
-            return false;
-        };
-        self.handled.retain(|one| one.trigger != trigger);
-        self.unsaved = Some(now);
-        self.trying = Some(Trying::of(trigger, self.last(), now));
-        true
     }
 
     /// Checks the vehicle's reports: determines the active causes and their actions.
@@ -389,52 +287,6 @@ impl Contingencies {
         self.complete(context, effects);
         self.select(context);
         self.finish(context, effects);
-    }
-
-    /// A contingency route is flown to its end, and its cause persists. The controlling CUCS decides what follows. If
-    /// nobody is in control, nothing would end the hold there: the vehicle returns or lands.
-    fn complete(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
-        let of = |action| match action {
-            Action::ContingencyA => Some(RouteType::ContingencyA),
-            Action::ContingencyB => Some(RouteType::ContingencyB),
-            _ => None,
-        };
-        for trigger in Trigger::ALL {
-            match self.end_of(trigger).filter(|_| self.is_present(trigger)) {
-                Some(End::Shown(action))
-                    if context.completed.is_some() && of(action) == context.completed =>
-                {
-                    self.set(trigger, End::Completed(action));
-                    self.save(effects);
-                    let (what, route) = (trigger.text(&context.config), action.name());
-                    let text =
-                        format!("{what}: {route} is flown to its end, and the vehicle holds there");
-                    self.raise(trigger, AlertPriority::Emergency, text, effects);
-                }
-                Some(End::Completed(_)) if !context.controlled && self.trying.is_none() => {
-                    self.handled.retain(|one| one.trigger != trigger);
-                    self.unsaved = Some(context.now);
-                    self.trying = Some(Trying::of(trigger, self.last(), context.now));
-                }
-                _ => {}
-            }
-        }
-    }
-
-    /// Another CUCS has taken control: it must know which persisting causes its predecessor or a pilot has ended.
-    pub(crate) fn taken_over(&self, config: &Provision, effects: &mut dyn Outlet) {
-        for trigger in Trigger::ALL.into_iter().filter(|one| self.is_present(*one)) {
-            let ended = match self.end_of(trigger) {
-                Some(End::Operator) => {
-                    "the CUCS that controlled the vehicle before has sent another command; no action is flown for this unless \
-                     control is lost or released"
-                }
-                Some(End::Pilot) => "it was left to a pilot, and no action is flown for this",
-                Some(End::Shown(_) | End::Completed(_)) | None => continue,
-            };
-            let text = format!("{}: {ended}", trigger.text(config));
-            effects.notify(AlertPriority::Warning, trigger.subsystem(), text);
-        }
     }
 
     fn watch_one(
@@ -471,141 +323,6 @@ impl Contingencies {
         }
     }
 
-    /// Selects the most urgent of the active causes that are not handled.
-    fn select(&mut self, context: &ContingencyContext) {
-        let open = Trigger::ALL
-            .into_iter()
-            .filter(|one| self.is_present(*one) && self.end_of(*one).is_none());
-        let open = open.filter_map(|one| Some((one, one.action(&context.config)?)));
-        // `max_by_key` returns the last of equal ones: reversed, the first in the order of `Trigger::ALL`.
-        let most = open
-            .rev()
-            .max_by_key(|(_, action)| Urgency::of_contingency(*action));
-        let Some((trigger, action)) = most else {
-            return;
-        };
-        let is_less = |trying: Trying| {
-            trying.trigger != trigger
-                && Urgency::of_contingency(trying.action) < Urgency::of_contingency(action)
-        };
-        if self.trying.is_none_or(is_less) {
-            self.trying = Some(Trying::of(trigger, action, context.now));
-        }
-    }
-
-    /// Ends an action that the vehicle shows, or that a pilot has taken over.
-    fn finish(&mut self, context: &ContingencyContext, effects: &mut dyn Outlet) {
-        let Some(trying) = self.trying else {
-            return;
-        };
-        let trigger = trying.trigger;
-        let text = trigger.text(&context.config);
-        let (end, text) = match (context.mode, context.other) {
-            (Some(mode), _) if context.shows(trying.action) => (
-                End::Shown(trying.action),
-                format!(
-                    "{text}: the vehicle is in {}, as for {}",
-                    mode.name(),
-                    trying.action.name()
-                ),
-            ),
-            (_, Some(other @ Other::Pilot(_))) => (
-                End::Pilot,
-                format!("{text}, and {other}: nothing is commanded"),
-            ),
-            _ => return,
-        };
-        self.trying = None;
-        // Stored before it is reported: a restart must not fly it again.
-        self.set(trigger, end);
-        self.save(effects);
-        self.raise(trigger, AlertPriority::Emergency, text, effects);
-    }
-
-    /// The action to fly now, if it is this machine's turn and time for an attempt.
-    pub(crate) fn poll(
-        &mut self,
-        context: &ContingencyContext,
-        effects: &mut dyn Outlet,
-    ) -> Option<Action> {
-        let before = self.trying?;
-        if before.next_at > context.now {
-            return None;
-        }
-        let next_at = context.now + RETRY_INTERVAL;
-        // Its own command in progress is waited for; a command of others gives way to it.
-        let waits = !context.airborne
-            || context.mode.is_none()
-            || context.operator_waits && before.yields
-            || context.busy && before.tries > 0;
-        let why = match context.other {
-            Some(other) if other.may_stay() => Some(format!("{other}, for 30 s at most")),
-            Some(other) => Some(other.to_string()),
-            None if context.on_final => Some("the vehicle is on its final approach".to_owned()),
-            None => None,
-        };
-        if let Some(why) = &why {
-            let text = format!(
-                "{}: {why}; {} waits for its end",
-                before.trigger.text(&context.config),
-                before.action.name()
-            );
-            self.raise(before.trigger, AlertPriority::Warning, text, effects);
-        }
-        if waits || why.is_some() {
-            // Not counted as an attempt: the vehicle had no chance to refuse.
-            self.trying = Some(Trying { next_at, ..before });
-            return None;
-        }
-        let last = self.last();
-        let (mut action, mut tries) = match before.action {
-            same if same == last => (same, before.tries + 1),
-            _ if before.tries >= MAX_TRIES => (last, 1),
-            same => (same, before.tries + 1),
-        };
-        let [a, b] = context.stored;
-        let route_type = match action {
-            Action::ContingencyA => Some((RouteType::ContingencyA, a)),
-            Action::ContingencyB => Some((RouteType::ContingencyB, b)),
-            _ => None,
-        };
-        // An action is skipped if it needs an upload that cannot begin, or a position that is not known.
-        let flies = route_type.is_none_or(|(route, stored)| {
-            stored && (context.carries == Some(route) || context.may_change_mission)
-        });
-        if !flies || (last == Action::Land && action != last) {
-            (action, tries) = (last, 1);
-        }
-        self.trying = Some(Trying {
-            action,
-            tries,
-            next_at,
-            yields: false,
-            ..before
-        });
-        Some(action)
-    }
-
-    /// Reports what was commanded.
-    pub(crate) fn announce(&mut self, config: &Provision, effects: &mut dyn Outlet) {
-        let Some(trying) = self.trying else {
-            return;
-        };
-        let (what, action) = (trying.trigger.text(config), trying.action.name());
-        let configured = trying.trigger.action(config).map(Action::name);
-        let text = match configured {
-            Some(wanted) if wanted != action => {
-                format!("{what}: {wanted} cannot be flown, or is not shown: commanding {action}")
-            }
-            _ => format!("{what}: commanding {action}"),
-        };
-        let text = match trying.tries {
-            1 => text,
-            tries => format!("{text}, attempt {tries}"),
-        };
-        self.raise(trying.trigger, AlertPriority::Emergency, text, effects);
-    }
-
     /// When it is next polled, if it is its turn.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         self.trying.map(|trying| trying.next_at)
@@ -619,12 +336,6 @@ impl Contingencies {
     /// The vehicle is on the ground: active causes begin again in the next flight.
     fn land(&mut self, effects: &mut dyn Outlet) {
         self.begin_afresh("the vehicle is on the ground", effects);
-    }
-
-    /// Somebody else, who knows what was flown, decides from now on: active causes begin again once that is over.
-    pub(crate) fn stand_down(&mut self, why: &str, effects: &mut dyn Outlet) {
-        self.live_since = None;
-        self.begin_afresh(why, effects);
     }
 
     fn begin_afresh(&mut self, why: &str, effects: &mut dyn Outlet) {
@@ -723,18 +434,6 @@ impl Contingencies {
     }
 }
 
-impl Trying {
-    fn of(trigger: Trigger, action: Action, now: Duration) -> Trying {
-        Trying {
-            trigger,
-            action,
-            tries: 0,
-            next_at: now,
-            yields: false,
-        }
-    }
-}
-
 /// The PX4 modes of an action, except for routes.
 pub(crate) fn modes(action: Action) -> &'static [Px4Mode] {
     match action {
@@ -744,12 +443,6 @@ pub(crate) fn modes(action: Action) -> &'static [Px4Mode] {
     }
 }
 
-/// Attempts of an action before the next one.
-const MAX_TRIES: u32 = 2;
-/// Time between two attempts or checks.
-const RETRY_INTERVAL: Duration = Duration::from_secs(2);
-/// The minimum time to read an alert and decide.
-const READ_WITHIN: Duration = Duration::from_secs(3);
 const SAVE_AGAIN: Duration = Duration::from_secs(1);
 /// ESTIMATOR_STATUS comes every two seconds, and may be lost.
 const REPORTED_WITHIN: Duration = Duration::from_secs(10);

@@ -244,7 +244,7 @@ fn an_operator_decides_some_seconds_after_its_alert_and_a_release_ends_that() {
     while next(&mut world, &mut machine, same, LOW).is_none() {}
     let alerted = world.now.mono;
     assert!(!machine.knew_of(alerted) && !machine.knew_of(alerted + Duration::from_secs(2)));
-    assert!(machine.knew_of(alerted + READ_WITHIN));
+    assert!(machine.knew_of(alerted + Duration::from_secs(3)));
     world.act(|_, _, effects| machine.overridden(&CONFIG, effects));
     assert!(!machine.stands());
     // Of another cause there was no alert.
