@@ -26,7 +26,8 @@
 //! | no report of the mode for [`UNWATCHED`] | set points end: PX4 holds, returns or lands (COM_OBL_RC_ACT) |
 //! | the bridge stops, or the link to the vehicle fails | the same, after COM_OF_LOSS_T; a restarted bridge streams nothing |
 //!
-//! `way`: the track of a run, and the set points along it; `gap`: what is done about a vehicle that is beside it or behind.
+//! `entry`: whether a stream begins; `way`: the track of a run, and the set points along it; `steps`: which of them is sent;
+//! `gap`: what is done about a vehicle that is beside it or behind.
 //!
 //! A station has no part in it: a curve is streamed, as a mission is flown, whether a CUCS is there or not.
 
@@ -34,17 +35,18 @@ use std::time::Duration;
 
 use curve_paths::Position;
 use curve_paths::flight::{Multicopter, Track, offset_m};
-use curve_paths::vector::Vec3;
 use mapping::mode::Px4Mode;
 use mapping::parameter::Parameters;
-use mapping::route::{Curving, StreamedRun, stream_permitted};
+use mapping::route::{Curving, StreamedRun};
 use mapping::telemetry::{MissionProgress, Place};
 
 use self::gap::{Gap, OVER_M, right};
-use self::way::{base_m, legs, marks, moved, raised, set_point};
+use self::way::moved;
 use crate::session::effects::Effects;
 
+mod entry;
 mod gap;
+mod steps;
 #[cfg(test)]
 mod tests;
 mod way;
@@ -193,96 +195,6 @@ impl CurveStream {
 
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         self.flown.as_ref().map(|flown| flown.due)
-    }
-
-    /// Begins the stream where the vehicle flies to the first P1 of a run and is near enough.
-    fn begin(&mut self, context: &StreamContext<'_>, effects: &mut Effects<'_>) -> Option<Order> {
-        let (runs, mission_id) = context.runs?;
-        let busy = context.maneuver || context.transferring || context.busy;
-        if context.mode != Some(Px4Mode::MISSION) || busy {
-            return None;
-        }
-        let mission = context
-            .mission
-            .filter(|mission| mission.mission_id == mission_id)?;
-        let run = runs.iter().find(|run| run.entry == mission.seq);
-        let Some(run) = run else {
-            // It may come by again.
-            self.reported = None;
-            return None;
-        };
-        let key = (mission_id, run.entry);
-        if self.reported == Some(key) {
-            return None;
-        }
-        let (place, [north, east, down], home) = (here(context)?, context.velocity?, context.home?);
-        let (first, last) = (run.legs.first()?, run.legs.last()?);
-        let ahead = offset_m(place, raised(first.curve.p1(), base_m(first, home)));
-        let speed = north.hypot(east);
-        let distance_m = ahead.x.hypot(ahead.y);
-        // Room to enter the mode, and to brake for a corner at P1.
-        let limits = context.curving.multicopter;
-        let brake = limits.acceleration * limits.corner_gain;
-        let needed_m = ENTERS_WITHIN_S * speed + speed * speed / (2.0 * brake);
-        if distance_m > NEAR_M + needed_m + ENTERS_WITHIN_S * speed {
-            return None;
-        }
-        let straight = speed < SLOW_MPS
-            || Vec3::new(east, north, -down).unit().dot(ahead.unit()) > ON_LINE_COS;
-        // It may still be turning towards P1.
-        if !straight && distance_m > needed_m {
-            return None;
-        }
-        self.reported = Some(key);
-        let names = (first.ends.0, last.ends.1);
-        let track = Track::new(&legs(run, place, home), &limits);
-        let soon = track.at((ENTERS_WITHIN_S * speed).min(distance_m));
-        let permitted = stream_permitted(context.parameters).and_then(|()| {
-            if !straight {
-                Err("the vehicle does not fly straight to the first point".to_owned())
-            } else if soon.is_none_or(|along| along.fastest_mps + SLOW_MPS < speed) {
-                Err("the vehicle is too fast, so near to the first point".to_owned())
-            } else {
-                Ok(())
-            }
-        });
-        if let Err(why) = permitted {
-            effects.advise(format!(
-                "curves {} to {} are flown as chords, not streamed: {why}",
-                names.0, names.1
-            ));
-            return None;
-        }
-        let marks = marks(run, &track);
-        let end_m = track.ends_m().get(run.legs.len()).copied()?;
-        let mut flown = Flown {
-            entry: run.entry,
-            mission_id,
-            s_m: 0.0,
-            v_mps: speed,
-            accel: 0.0,
-            due: context.now,
-            last: context.now,
-            stage: Stage::Entering,
-            marks,
-            passed: 0,
-            // Without a way on the mission completes P4 where the vehicle has stopped.
-            end_m: if run.exit.is_some() {
-                end_m
-            } else {
-                end_m - ARRIVED_M
-            },
-            seen: None,
-            gap: Gap::default(),
-            set_at: None,
-            names,
-            limits,
-            track,
-        };
-        // PX4 refuses OFFBOARD without set points.
-        flown.advance(context, effects);
-        self.flown = Some(Box::new(flown));
-        Some(Order::Enter)
     }
 }
 
@@ -482,85 +394,6 @@ impl Flown {
         (late_m > most_m).then(|| format!("{late_m:.1} m behind, expected at most {most_m:.1} m"))
     }
 
-    /// Sends the set point that is due.
-    fn stream(&mut self, context: &StreamContext<'_>, effects: &mut Effects<'_>) {
-        let now = context.now;
-        if self.due > now {
-            return;
-        }
-        // A longer gap is not made up for.
-        let span_s = now.saturating_sub(self.last).as_secs_f64().min(MAX_SPAN_S);
-        self.last = now;
-        self.due = if self.due + PERIOD > now {
-            self.due + PERIOD
-        } else {
-            now + PERIOD
-        };
-        let follows = matches!(
-            self.stage,
-            Stage::Entering | Stage::Leaving { entered: false, .. }
-        );
-        if follows {
-            self.follow(context);
-        } else {
-            self.proceed(span_s, context);
-        }
-        let passed = self
-            .marks
-            .partition_point(|(from_m, _)| *from_m <= self.s_m);
-        if self.stage == Stage::Streaming && passed > self.passed {
-            self.passed = passed;
-            self.set_current(context, effects);
-        }
-        let lead_m = self.v_mps * LEAD_S;
-        if let Some(along) = self.track.at(self.s_m + lead_m) {
-            let along = self.gap.correct(along);
-            let message = set_point(&along, self.v_mps, self.accel, context.system);
-            effects.vehicle.post(message);
-        }
-    }
-
-    /// Keeps beside the vehicle, which is not steered yet, and as fast as it is.
-    fn follow(&mut self, context: &StreamContext<'_>) {
-        let (Some(place), Some([north, east, down])) = (here(context), context.velocity) else {
-            return;
-        };
-        let (from_m, to_m) = (self.s_m - LOOKS_BACK_M, self.s_m + FOLLOWS_M);
-        if let Some((s_m, _)) = self.track.nearest(place, from_m, to_m) {
-            self.s_m = self.s_m.max(s_m);
-        }
-        if let Some(along) = self.track.at(self.s_m) {
-            let flown = Vec3::new(east, north, -down).dot(along.forward).max(0.0);
-            self.v_mps = flown.min(along.fastest_mps.max(BEGINS_MPS));
-        }
-        self.accel = 0.0;
-    }
-
-    /// One step along the track.
-    fn proceed(&mut self, span_s: f64, context: &StreamContext<'_>) {
-        let brakes = matches!(self.stage, Stage::Leaving { .. });
-        let fastest = self
-            .track
-            .at(self.s_m)
-            .map_or(0.0, |along| along.fastest_mps);
-        let fastest = fastest * self.gap.pace(context.curving.tolerance_m, self.v_mps);
-        let wanted = match (brakes, context.commanded_mps) {
-            (true, _) => 0.0,
-            (false, Some(cap)) => fastest.min(cap),
-            (false, None) => fastest,
-        };
-        let quicker = self.limits.acceleration * self.limits.corner_gain * span_s;
-        let slower = self.limits.acceleration * span_s;
-        let before = self.v_mps;
-        self.v_mps += (wanted - before).clamp(-slower, quicker);
-        self.accel = if span_s > 0.0 {
-            (self.v_mps - before) / span_s
-        } else {
-            0.0
-        };
-        self.s_m = (self.s_m + 0.5 * (before + self.v_mps) * span_s).min(self.track.length_m());
-    }
-
     /// The mission's current item at this place of the curve.
     fn current(&self) -> u16 {
         let last = self.passed.checked_sub(1);
@@ -591,30 +424,12 @@ const UNWATCHED: Duration = Duration::from_secs(2);
 const ON_ITS_WAY: Duration = Duration::from_secs(2);
 /// A vehicle that nothing else takes out of OFFBOARD is put on hold: longer than a maneuver lasts.
 const HOLDS_AFTER: Duration = Duration::from_secs(8);
-/// Set points: PX4 needs 2 a second, and flies the last one until the next.
-const PERIOD: Duration = Duration::from_millis(50);
-const MAX_SPAN_S: f64 = 0.2;
-/// A set point is for the middle of the time in which it is flown, and some milliseconds on its way, s.
-const LEAD_S: f64 = 0.035;
-/// Until PX4 is in OFFBOARD and has reported it, s: CURRENT_MODE comes at 5 Hz.
-const ENTERS_WITHIN_S: f64 = 1.5;
-/// A vehicle this near to P1 is streamed to however slow it is, m; nearer than that it is not.
-const NEAR_M: f64 = 5.0;
-/// The direction of a slower one means nothing, m/s.
-const SLOW_MPS: f64 = 1.0;
-/// It flies to P1 within 20 degrees.
-const ON_LINE_COS: f64 = 0.94;
-/// A vehicle that has just begun its leg gets on, m/s.
-const BEGINS_MPS: f64 = 0.5;
 /// How far the vehicle may be behind the set points, m and s: PX4 catches up by 0.95 m/s for each metre.
 const LATE_M: f64 = 2.0;
 const LATE_S: f64 = 0.6;
 /// Where on the track it is looked for, m.
 const LOOKS_BACK_M: f64 = 15.0;
 const LOOKS_AHEAD_M: f64 = 10.0;
-const FOLLOWS_M: f64 = 8.0;
-/// A vehicle this near to the end of the track has arrived, m.
-const ARRIVED_M: f64 = 0.1;
 /// MISSION_CURRENT comes at 1 Hz, and on each change.
 const SHOWS_ITEM_WITHIN: Duration = Duration::from_secs(3);
 const SET_AGAIN: Duration = Duration::from_millis(400);

@@ -236,7 +236,7 @@ fn a_curve_is_entered_near_its_first_point_and_handed_back_behind_its_last() {
             break;
         }
         let near = (0..=1000).map(|k| {
-            let on = raised(curve.at(f64::from(k) * 1e-3), HOME.amsl_m);
+            let on = way::raised(curve.at(f64::from(k) * 1e-3), HOME.amsl_m);
             offset_m(on, scene.at).norm()
         });
         let before = scene.at.lat_deg < place(60.0, 0.0).0;
