@@ -60,6 +60,12 @@ impl Fleet {
         self.all.get(*self.by_id.get(&id)?)
     }
 
+    /// Whether a station holds any right over any vehicle.
+    pub(crate) fn has_holder(&self, station: Id) -> bool {
+        let mut rights = self.all.iter().map(|one| one.authority.rights());
+        rights.any(|rights| !rights.held(station).is_empty())
+    }
+
     /// The vehicles of the link with this index: MAVLink system id, number.
     pub(crate) fn on_port(&self, port: usize) -> &[(u8, usize)] {
         self.by_port.get(port).map_or(&[], Vec::as_slice)

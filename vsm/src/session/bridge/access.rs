@@ -6,6 +6,7 @@ use mavlink_link::Now;
 use mavlink_link::signing::SigningKey;
 use mavlink_link::store::{Disk, StoreError};
 use serde::Serialize;
+use stanag_msgs::Id;
 use stanag_msgs::enums::LoiBitmap;
 
 use super::Bridge;
@@ -71,21 +72,26 @@ impl Bridge {
         let refused = access.refused().map(str::to_owned);
         self.access = Gate::List(Box::new(access));
         if let Some(why) = changed {
-            self.audit_access(AUDITED, &why, now, disk);
+            self.audit_each(AUDITED, &why, now, disk);
         }
         if let Some(why) = refused {
             let why = format!("{why}; started by version {version} of the store");
-            self.audit_access(AUDITED_REFUSED, &why, now, disk);
+            self.audit_each(AUDITED_REFUSED, &why, now, disk);
         }
         self.give_permits(now);
         Ok(())
     }
 
-    /// Writes a line to the audit log of each vehicle, since the list also decides who may command it.
-    fn audit_access(&mut self, what: &'static str, why: &str, now: Now, disk: &mut dyn Disk) {
+    /// Writes a line to the audit log of each vehicle: the list, or a zeroize, decides about all of them.
+    pub(super) fn audit_each(
+        &mut self,
+        (what, by): (&'static str, Option<Id>),
+        why: &str,
+        now: Now,
+        disk: &mut dyn Disk,
+    ) {
         let (mut dli, aircraft) = self.effects(now, disk);
         for one in aircraft.iter_mut() {
-            let by = None;
             one.ask_authority(&mut dli, Input::Audit { what, by, why });
         }
     }
@@ -107,7 +113,7 @@ impl Bridge {
             access.note_file(Some(why.to_owned()));
             let version = access.version();
             let why = format!("{why}; version {version} stays in force");
-            self.audit_access(AUDITED_REFUSED, &why, now, disk);
+            self.audit_each(AUDITED_REFUSED, &why, now, disk);
         }
     }
 
@@ -143,7 +149,7 @@ impl Bridge {
         };
         let text = access.take(new);
         let why = format!("{text}, key {}", access.key_id());
-        self.audit_access(AUDITED, &why, now, disk);
+        self.audit_each(AUDITED, &why, now, disk);
         self.give_permits(now);
         let (mut dli, aircraft) = self.effects(now, disk);
         for one in aircraft.iter_mut() {
@@ -258,8 +264,8 @@ impl Bridge {
 }
 
 /// Its name in the audit log.
-const AUDITED: &str = "access list";
-const AUDITED_REFUSED: &str = "access list refused";
+const AUDITED: (&str, Option<Id>) = ("access list", None);
+const AUDITED_REFUSED: (&str, Option<Id>) = ("access list refused", None);
 
 fn entry(station: &GroundStation, permit: &Permit) -> EntryStatus {
     let Permit { entry, over } = permit;

@@ -112,43 +112,58 @@ impl Bridge {
         let frame = &frame;
         // Before the message is decoded: of a stranger's datagram only the wrapper is read.
         let edition = Edition::of_idd(frame.header.idd);
-        match self.admit(from, &frame.header, edition) {
-            Ok(index) => {
-                let commands = is_command(frame.header.message_type);
-                if !self.stations[index].is_within_rate(now.mono, from, commands) {
-                    return self.counters.count("over the station's rate");
-                }
-                if !self.may_speak(now.mono, index, false) {
-                    let why = Barred::ChangedEdition;
-                    return self.note_barred(now, from, &frame.header, edition, &why);
-                }
-                self.checks.evidence.note_good(frame.header.source, from);
-                let station = &mut self.stations[index];
-                if station.profile.is_unknown() {
-                    // The first challenge also uses the station's edition.
-                    station.profile.note(&frame.header);
-                }
-                self.handled.asker = Some(index);
-                let arriving = Arriving {
-                    bytes: frame.bytes,
-                    ed25: false,
-                    acknowledges: frame.header.message_type == ACKNOWLEDGEMENT,
-                    answer: self.answer_in(frame),
-                };
-                if self.is_there(now, from, index, &arriving, disk) {
-                    self.stations[index].spoken = Some((false, now.mono));
-                    self.take_frame(now, index, frame, None, disk);
-                }
-                self.handled.asker = None;
-            }
-            Err(why) => self.note_barred(now, from, &frame.header, edition, &why),
+        let commands = is_command(frame.header.message_type);
+        let Some(index) = self.accept(now.mono, from, &frame.header, edition, commands) else {
+            return;
+        };
+        let station = &mut self.stations[index];
+        if station.profile.is_unknown() {
+            // The first challenge also uses the station's edition.
+            station.profile.note(&frame.header);
         }
+        self.handled.asker = Some(index);
+        let arriving = Arriving {
+            bytes: frame.bytes,
+            ed25: false,
+            acknowledges: frame.header.message_type == ACKNOWLEDGEMENT,
+            answer: self.answer_in(frame),
+        };
+        if self.is_there(now, from, index, &arriving, disk) {
+            self.stations[index].spoken = Some((false, now.mono));
+            self.take_frame(now, index, frame, None, disk);
+        }
+        self.handled.asker = None;
+    }
+
+    /// The index of a frame's station, if the frame may be handled.
+    pub(super) fn accept(
+        &mut self,
+        mono: Duration,
+        from: SocketAddr,
+        header: &Header,
+        edition: Edition,
+        commands: bool,
+    ) -> Option<usize> {
+        let barred = match self.admit(from, header, edition) {
+            Ok(index) if !self.stations[index].is_within_rate(mono, from, commands) => {
+                self.counters.count("over the station's rate");
+                return None;
+            }
+            Ok(index) if self.may_speak(mono, index, edition == Edition::Ed25) => {
+                self.checks.evidence.note_good(header.source, from);
+                return Some(index);
+            }
+            Ok(_) => Barred::ChangedEdition,
+            Err(why) => why,
+        };
+        self.note_barred(mono, from, header, edition, &barred);
+        None
     }
 
     /// A frame is dropped after its header was read.
-    pub(super) fn note_barred(
+    fn note_barred(
         &mut self,
-        now: Now,
+        mono: Duration,
         from: SocketAddr,
         header: &Header,
         edition: Edition,
@@ -156,7 +171,7 @@ impl Bridge {
     ) {
         self.counters.count(why.name());
         if let Some(fault) = why.fault(header, edition) {
-            self.checks.evidence.note(now.mono, from, fault);
+            self.checks.evidence.note(mono, from, fault);
         }
     }
 
@@ -326,12 +341,7 @@ impl Bridge {
     }
 
     /// The index of a frame's station, if it is accepted and addressed to us.
-    pub(super) fn admit(
-        &self,
-        from: SocketAddr,
-        header: &Header,
-        edition: Edition,
-    ) -> Result<usize, Barred> {
+    fn admit(&self, from: SocketAddr, header: &Header, edition: Edition) -> Result<usize, Barred> {
         let ours = |id| self.aircraft.has(id);
         let to_us =
             [self.vsm, Id::BROADCAST].contains(&header.destination) || ours(header.destination);
@@ -339,10 +349,8 @@ impl Bridge {
             // What we sent to the group comes back to us.
             return Err(Barred::OurOwn);
         }
-        let mut stations = self.stations.iter().enumerate();
-        let (index, station) = stations
-            .find(|(_, station)| station.id() == header.source && !station.removed)
-            .ok_or(Barred::Source { to_us })?;
+        let index = self.listed(header.source).ok_or(Barred::Source { to_us })?;
+        let station = &self.stations[index];
         if station.config.guard.is_some() && self.handled.guarded.is_none() {
             return Err(match station.config.web {
                 true => Barred::OfWeb,
@@ -453,7 +461,7 @@ impl Bridge {
 }
 
 /// Why a frame is dropped after its header was read.
-pub(super) enum Barred {
+enum Barred {
     /// What we sent to the group came back.
     OurOwn,
     /// Not a listed station.

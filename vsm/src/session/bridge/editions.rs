@@ -18,7 +18,7 @@ use stanag_msgs::wrapper::{Header, MAX_DATAGRAM};
 use stanag_msgs::{ChecksumStyle, Envelope, Id, Message, TimeStamp, ed25};
 
 use super::Bridge;
-use super::arrival::{Barred, PAUSED, drop_name};
+use super::arrival::{PAUSED, drop_name};
 use super::reach::Arriving;
 use crate::config::Edition;
 use crate::session::access::{Group, Permitted};
@@ -69,32 +69,22 @@ impl Bridge {
             return self.counters.count("our own");
         }
         let header = header(frame, &at);
-        match self.admit(from, &header, Edition::Ed25) {
-            Ok(index) => {
-                let made = at.info.and_then(|info| info.ed4_messages.first());
-                let commands = made.is_none_or(|made| is_command(*made));
-                if !self.stations[index].is_within_rate(now.mono, from, commands) {
-                    return self.counters.count("over the station's rate");
-                }
-                if !self.may_speak(now.mono, index, true) {
-                    let why = Barred::ChangedEdition;
-                    return self.note_barred(now, from, &header, Edition::Ed25, &why);
-                }
-                self.checks.evidence.note_good(header.source, from);
-                self.handled.asker = Some(index);
-                let arriving = Arriving {
-                    bytes: frame.bytes,
-                    ed25: true,
-                    acknowledges: header.message_type == ED25_ACKNOWLEDGEMENT,
-                    answer: editions::proof(frame),
-                };
-                if self.is_there(now, from, index, &arriving, disk) {
-                    self.take_ed25(now, index, frame, disk);
-                }
-                self.handled.asker = None;
-            }
-            Err(why) => self.note_barred(now, from, &header, Edition::Ed25, &why),
+        let made = at.info.and_then(|info| info.ed4_messages.first());
+        let commands = made.is_none_or(|made| is_command(*made));
+        let Some(index) = self.accept(now.mono, from, &header, Edition::Ed25, commands) else {
+            return;
+        };
+        self.handled.asker = Some(index);
+        let arriving = Arriving {
+            bytes: frame.bytes,
+            ed25: true,
+            acknowledges: header.message_type == ED25_ACKNOWLEDGEMENT,
+            answer: editions::proof(frame),
+        };
+        if self.is_there(now, from, index, &arriving, disk) {
+            self.take_ed25(now, index, frame, disk);
         }
+        self.handled.asker = None;
     }
 
     /// Sender and receiver of a message; a logical id stands for its vehicle.
@@ -112,15 +102,9 @@ impl Bridge {
         let Some((before, at)) = station.spoken else {
             return true;
         };
-        let id = station.id();
-        let holds = || {
-            self.aircraft
-                .iter()
-                .any(|one| !one.authority.rights().held(id).is_empty())
-        };
         before == ed25
             || now.saturating_sub(at) >= EDITION_CHANGES_AFTER
-            || !(station.proven || holds())
+            || !(station.proven || self.aircraft.has_holder(station.id()))
     }
 
     /// Takes a message of Edition 2.5 from its station's address.

@@ -3,11 +3,9 @@
 use std::time::Duration;
 
 use mavlink_link::Now;
-use mavlink_link::clock::Origin;
 use mavlink_link::frame::FrameView;
-use mavlink_link::link::{Endpoint, Link, LinkConfig, Security};
-use mavlink_link::receiver::KeyState;
-use mavlink_link::signing::{KeyId, Stamp};
+use mavlink_link::link::Link;
+use mavlink_link::signing::KeyId;
 use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
 
@@ -64,7 +62,6 @@ impl Bridge {
         not_before: Duration,
         disk: &mut dyn Disk,
     ) -> Result<PreparedForwards, StoreError> {
-        let not_before = Stamp::from_unix(not_before);
         let mut places = Vec::new();
         for (forward, (number, end)) in config.forwards().zip(ends) {
             let mut place = Place {
@@ -73,26 +70,12 @@ impl Bridge {
                 new: None,
             };
             if let Some(end) = end {
-                let security = match end.key {
-                    Some(_) => Security::Signed,
-                    None => Security::Off,
-                };
-                let endpoint = end.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
-                let mut link = LinkConfig::new(forward.system_id, security, endpoint);
-                link.own_system = self.setup.own.system;
-                link.own_component = self.setup.own.component;
+                let mut link = end.link(forward.system_id, self.setup.own);
                 link.link_id = forward.link_id;
                 link.accept_unsigned = &[];
-                let key = end
-                    .key
-                    .map(|key| KeyState::start(key, Origin::KeyFile, not_before, now, disk));
+                let key = end.start_key(now, not_before, disk)?;
                 let link = Link::new(link);
-                place.new = Some(Forward::new(
-                    number,
-                    forward.clone(),
-                    link,
-                    key.transpose()?,
-                ));
+                place.new = Some(Forward::new(number, forward.clone(), link, key));
             }
             places.push(place);
         }

@@ -195,20 +195,14 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) {
         let sender = about.trailer.sender;
-        let mut stations = self.stations.iter_mut();
-        let listed = stations.find(|one| one.config.id == sender && !one.removed);
-        let Some(station) = listed.filter(|one| !one.config.web) else {
-            self.counters.count(WITHOUT_KEY);
-            return;
-        };
-        let address = station.config.address;
-        let Some(end) = station.guard.as_mut() else {
-            self.counters.count(WITHOUT_KEY);
-            return;
+        let listed = self.listed(sender).map(|index| &mut self.stations[index]);
+        let found = listed.filter(|one| !one.config.web);
+        let found = found.and_then(|one| Some((one.config.address, one.guard.as_mut()?)));
+        let Some((address, end)) = found else {
+            return self.counters.count(WITHOUT_KEY);
         };
         if address.is_some_and(|expected| expected != from.ip()) {
-            self.counters.count(UNAUTHORISED_ADDRESS);
-            return;
+            return self.counters.count(UNAUTHORISED_ADDRESS);
         }
         let mut out = [0; MAX_GUARDED];
         match end.take_clock(now, about, &mut out, disk) {
@@ -224,11 +218,9 @@ impl Bridge {
 
     /// Passes a step of an exchange to the exchange machine, which verifies it. It changes nothing here.
     fn queue_step(&mut self, from: SocketAddr, step: &ExchangeDatagram<'_>, bytes: &[u8]) {
-        let mut stations = self.stations.iter();
-        let listed = stations.any(|one| one.id() == step.cucs && !one.removed);
         if step.vsm != self.vsm {
             self.counters.count("guard: exchange with another VSM");
-        } else if !listed {
+        } else if self.listed(step.cucs).is_none() {
             self.counters
                 .count("guard: exchange of a CUCS that is not listed");
         } else if self.guards.steps.len() >= MAX_STEPS {
@@ -247,13 +239,11 @@ impl Bridge {
     /// Sends a CUCS's guard bytes that are not of the DLI, sealed, to the address of the CUCS. Returns false if that is
     /// unknown, or there is no key for it.
     pub fn send_guard(&mut self, now: Now, cucs: Id, bytes: &[u8], disk: &mut dyn Disk) -> bool {
-        let mut stations = self.stations.iter_mut().enumerate();
-        let Some((index, station)) = stations.find(|(_, one)| one.id() == cucs && !one.removed)
-        else {
+        let Some(index) = self.listed(cucs) else {
             return false;
         };
         let mut out = [0; MAX_GUARDED];
-        let end = station.guard.as_mut();
+        let end = self.stations[index].guard.as_mut();
         let sealed = end.and_then(|end| end.seal(now, bytes, &mut out, disk).ok());
         let Some((to, length)) = self.paths.peer(index).zip(sealed) else {
             return false;

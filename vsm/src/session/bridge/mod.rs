@@ -126,7 +126,7 @@ impl Setup {
 }
 
 /// What operators can read of this run, besides the counters.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Records {
     started: Duration,
     /// The DLI messages taken.
@@ -137,7 +137,7 @@ struct Records {
 }
 
 /// The checks for faults (`watch`).
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Checks {
     /// A date that the clock cannot be before.
     not_before: Duration,
@@ -255,17 +255,12 @@ impl Bridge {
             counters: Counters::default(),
             records: Records {
                 started: now.mono,
-                received: ByType::default(),
-                log: VecDeque::new(),
-                trace: false,
+                ..Records::default()
             },
             checks: Checks {
                 not_before,
-                evidence: DliEvidence::default(),
-                key_files: KeyFiles::default(),
                 look_at: now.mono,
-                found: Vec::new(),
-                notified: Vec::new(),
+                ..Checks::default()
             },
             handled: Handled::default(),
             guards: Guards::default(),
@@ -511,6 +506,12 @@ impl Bridge {
                 datagram.bytes(),
             ),
         }
+    }
+
+    /// The index of the station of the configuration with this id.
+    fn listed(&self, id: Id) -> Option<usize> {
+        let is_it = |one: &GroundStation| one.id() == id && !one.removed;
+        self.stations.iter().position(is_it)
     }
 
     /// The readings of disputed values for the station with this id.

@@ -10,7 +10,6 @@ use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Message, TimeStamp, ed25};
 
 use super::Bridge;
-use crate::session::aircraft::Aircraft;
 use crate::session::authority::Input;
 use crate::session::authority::rules::CONTROL;
 use crate::session::log::LogLevel;
@@ -118,9 +117,8 @@ impl Bridge {
     /// Does what is due for the stations' addresses.
     pub(super) fn watch_paths(&mut self, now: Now, disk: &mut dyn Disk) {
         for index in 0..self.stations.len() {
-            let id = self.stations[index].id();
-            let holds = |one: &Aircraft| !one.authority.rights().held(id).is_empty();
-            if self.stations[index].speaks_ed25() && self.aircraft.iter().any(holds) {
+            let station = &self.stations[index];
+            if station.speaks_ed25() && self.aircraft.has_holder(station.id()) {
                 self.paths.keep(now.mono, index);
             }
             if self.paths.handle_timeout(now.mono, index) {
@@ -217,7 +215,7 @@ impl Bridge {
     }
 
     /// Copies what the machines may know of a station's address.
-    fn note_path(&mut self, index: usize) {
+    pub(super) fn note_path(&mut self, index: usize) {
         self.stations[index].peer = self.paths.peer(index);
         self.stations[index].proven = self.paths.is_proven(index);
     }

@@ -332,7 +332,7 @@ pub struct HandoverStatus {
 }
 
 /// One MAVLink link.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct LinkStatus {
     /// As configured.
     pub address: String,
@@ -390,29 +390,8 @@ impl LinkStatus {
     /// For a recording: signatures are not recorded, nor is anything else about the link.
     pub(crate) fn recorded(live: bool) -> LinkStatus {
         LinkStatus {
-            address: String::new(),
-            peer: None,
-            signed: false,
-            key_id: None,
-            verified_s: None,
-            verified_key_id: None,
-            arrives: None,
-            stale_at_start: 0,
             state: if live { "live" } else { "waiting" },
-            live_s: None,
-            unanswered_s: None,
-            refused_though_verified: BTreeMap::new(),
-            round_trip_s: None,
-            lost: None,
-            clock_known: false,
-            exchange: None,
-            encryption: None,
-            refused: BTreeMap::new(),
-            strangers: 0,
-            other_systems: BTreeMap::new(),
-            frames: BTreeMap::new(),
-            received: ByType::default(),
-            sent: ByType::default(),
+            ..LinkStatus::default()
         }
     }
 }

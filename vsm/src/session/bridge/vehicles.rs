@@ -35,11 +35,8 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) -> Result<(), BridgeError> {
         let link = link_config(vehicle, self.setup.own, &end, disk)?;
-        let not_before = Stamp::from_unix(not_before);
-        let key = end
-            .key
-            .map(|key| KeyState::start(key, Origin::KeyFile, not_before, now, disk));
-        let key = key.transpose().map_err(|cause| BridgeError::Clock {
+        let key = end.start_key(now, not_before, disk);
+        let key = key.map_err(|cause| BridgeError::Clock {
             vehicle: vehicle.id,
             cause,
         })?;
@@ -177,6 +174,36 @@ impl Bridge {
     }
 }
 
+impl LinkEnd {
+    /// The configuration of the link to this system.
+    pub(super) fn link(&self, system: u8, own: Node) -> LinkConfig<Peer> {
+        let security = match self.key {
+            Some(_) => Security::Signed,
+            None => Security::Off,
+        };
+        let endpoint = self.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
+        let mut link = LinkConfig::new(system, security, endpoint);
+        link.own_system = own.system;
+        link.own_component = own.component;
+        link
+    }
+
+    /// The key with its clock.
+    ///
+    /// # Errors
+    /// The clock cannot be read.
+    pub(super) fn start_key(
+        self,
+        now: Now,
+        not_before: Duration,
+        disk: &mut dyn Disk,
+    ) -> Result<Option<KeyState>, StoreError> {
+        let not_before = Stamp::from_unix(not_before);
+        let start = |key| KeyState::start(key, Origin::KeyFile, not_before, now, disk);
+        self.key.map(start).transpose()
+    }
+}
+
 /// The configuration of a vehicle's link, with what an earlier process has learned about it.
 ///
 /// # Errors
@@ -187,15 +214,7 @@ pub fn link_config(
     end: &LinkEnd,
     disk: &dyn Disk,
 ) -> Result<LinkConfig<Peer>, StoreError> {
-    let security = if end.key.is_some() {
-        Security::Signed
-    } else {
-        Security::Off
-    };
-    let endpoint = end.peer.map_or(Endpoint::Listen, Endpoint::Fixed);
-    let mut link = LinkConfig::new(vehicle.system_id, security, endpoint);
-    link.own_system = own.system;
-    link.own_component = own.component;
+    let mut link = end.link(vehicle.system_id, own);
     link.link_id = vehicle.link_id;
     link.vehicle_link_id = vehicle.vehicle_link_id;
     link.known_link_id = disk.load::<LinkId>(&vehicle.id)?.and_then(|LinkId(id)| id);

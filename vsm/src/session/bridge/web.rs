@@ -67,8 +67,7 @@ impl Bridge {
             self.counters.count(WebRefusal::Replaced.name());
         }
         self.paths.connect(now.mono, index, from);
-        self.stations[index].peer = self.paths.peer(index);
-        self.stations[index].proven = self.paths.is_proven(index);
+        self.note_path(index);
         self.welcome(now, index, disk);
         Ok(opened)
     }
@@ -149,8 +148,7 @@ impl Bridge {
     fn leave_web(&mut self, index: usize) {
         self.stations[index].web = None;
         self.paths.disconnect(index);
-        self.stations[index].peer = None;
-        self.stations[index].proven = false;
+        self.note_path(index);
     }
 
     fn end_web(&mut self, index: usize, why: WebRefusal) {

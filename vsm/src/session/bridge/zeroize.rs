@@ -172,14 +172,9 @@ impl Bridge {
 
     fn conclude_zeroize(&mut self, now: Now, outcome: Outcome, disk: &mut dyn Disk) {
         let words = text::outcome(outcome, self.zeroize.settings.armed_s);
-        let (what, by) = text::audit(outcome);
         self.mark_zeroizing();
-        let (mut dli, aircraft) = self.effects(now, disk);
         if !matches!(outcome, Outcome::Reset(_, false)) {
-            for one in aircraft.iter_mut() {
-                let why = &words;
-                one.ask_authority(&mut dli, authority::Input::Audit { what, by, why });
-            }
+            self.audit_each(text::audit(outcome), &words, now, disk);
         }
         let priority = match self.zeroize.rules.stage() {
             Stage::Safe => None,

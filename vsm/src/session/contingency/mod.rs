@@ -127,16 +127,6 @@ pub(crate) struct ContingencyContext {
 }
 
 impl Trigger {
-    pub(crate) fn action(self, config: &Provision) -> Option<Action> {
-        match self {
-            Trigger::Engine => config.engine,
-            Trigger::Position => config.position,
-            Trigger::Fence => config.fence,
-            Trigger::Battery => config.battery,
-            Trigger::Link => config.link,
-        }
-    }
-
     pub(crate) fn index(self) -> usize {
         self as usize
     }

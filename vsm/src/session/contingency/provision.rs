@@ -1,6 +1,7 @@
 //! The action for each cause.
 
 use crate::config::{self, ContingencyAction as Action};
+use crate::session::trigger::Trigger;
 
 /// The action for each cause.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -24,5 +25,23 @@ impl From<config::Contingency> for Provision {
             engine: configured.engine,
             link: None,
         }
+    }
+}
+
+impl Trigger {
+    /// Its key in `vehicle.contingency`, and the action there.
+    pub(super) fn key(self, config: &mut Provision) -> (&'static str, &mut Option<Action>) {
+        match self {
+            Trigger::Engine => ("engine", &mut config.engine),
+            Trigger::Position => ("position", &mut config.position),
+            Trigger::Fence => ("fence", &mut config.fence),
+            Trigger::Battery => ("battery", &mut config.battery),
+            Trigger::Link => ("link", &mut config.link),
+        }
+    }
+
+    pub(crate) fn action(self, config: &Provision) -> Option<Action> {
+        let mut copy = *config;
+        *self.key(&mut copy).1
     }
 }

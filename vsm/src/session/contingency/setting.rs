@@ -68,19 +68,6 @@ impl Contingencies {
     }
 }
 
-impl Trigger {
-    /// Its key in `vehicle.contingency`, and the action there.
-    fn key(self, config: &mut Provision) -> (&'static str, &mut Option<Action>) {
-        match self {
-            Trigger::Engine => ("engine", &mut config.engine),
-            Trigger::Position => ("position", &mut config.position),
-            Trigger::Fence => ("fence", &mut config.fence),
-            Trigger::Battery => ("battery", &mut config.battery),
-            Trigger::Link => ("link", &mut config.link),
-        }
-    }
-}
-
 /// Whether an action is less than another.
 fn is_less(action: Action, least: Action) -> bool {
     Urgency::of_contingency(action) < Urgency::of_contingency(least)
