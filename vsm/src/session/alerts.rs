@@ -95,7 +95,7 @@ impl Cause {
 }
 
 /// The alerts (16000) of one vehicle.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Alerts {
     next_id: i32,
     standing: Vec<(Cause, Alert)>,
@@ -180,17 +180,7 @@ impl Alerts {
     pub(crate) fn new(seed: i32) -> Alerts {
         Alerts {
             next_id: seed * IDS_A_VEHICLE + 1,
-            standing: Vec::new(),
-            lately: Vec::new(),
-            answers: VecDeque::new(),
-            refusals: Vec::new(),
-            agl_sent: false,
-            silence: None,
-            acknowledged: Vec::new(),
-            notices: <[Allowance; 2]>::default(),
-            left_out: 0,
-            changes: Allowance::default(),
-            late: Vec::new(),
+            ..Alerts::default()
         }
     }
 

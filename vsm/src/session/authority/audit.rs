@@ -195,7 +195,7 @@ struct First {
     why: Option<String>,
 }
 
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Line<'a> {
     /// From 1.
     line: u64,
@@ -271,17 +271,7 @@ impl Chain {
             line: self.lines + 1,
             time_ms: u64::try_from(wall.as_millis()).unwrap_or(u64::MAX),
             vehicle: vehicle.to_string(),
-            what: "",
-            from: None,
-            lost: None,
-            to: None,
-            gained: None,
-            why: None,
-            holders: None,
-            after: None,
-            key: None,
-            times_gained: None,
-            times_lost: None,
+            ..Line::default()
         };
         match entry {
             Entry::Started(holders) => {

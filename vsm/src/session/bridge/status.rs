@@ -29,7 +29,7 @@ use crate::session::vehicle_pattern::VehiclePattern;
 use crate::session::web::WebStatus;
 
 /// The whole bridge.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct Status {
     /// VSM ID.
     pub vsm: String,
@@ -236,7 +236,7 @@ fn serialize_vehicles<S: Serializer>(
 }
 
 /// The motion of a vehicle, as reported.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct MotionStatus {
     /// Heading, 0 to 360 degrees from true north.
     pub heading_deg: Option<f64>,

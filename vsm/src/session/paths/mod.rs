@@ -58,7 +58,7 @@ pub(crate) struct Paths {
 }
 
 /// One station.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Station {
     /// The configured address: every port of it is trusted.
     trusted: Option<IpAddr>,
@@ -392,15 +392,7 @@ impl Station {
     fn new(trusted: Option<IpAddr>) -> Station {
         Station {
             trusted,
-            current: None,
-            candidates: Vec::new(),
-            answers: false,
-            ed25: false,
-            missed: false,
-            unicast: Rate::default(),
-            group: Rate::default(),
-            waiting: VecDeque::new(),
-            turn: 0,
+            ..Station::default()
         }
     }
 

@@ -19,8 +19,8 @@ use crate::session::bridge::map::{
     AreaMap, FenceMap, PlaceMap, RouteMap, VehicleMap, WaypointMap, flown_to, place,
 };
 use crate::session::bridge::status::{
-    AlertStatus, BandStatus, HandoverStatus, HolderStatus, LinkStatus, MotionStatus, StationStatus,
-    Status, VehicleStatus,
+    AlertStatus, BandStatus, HandoverStatus, HolderStatus, LinkStatus, StationStatus, Status,
+    VehicleStatus,
 };
 use crate::session::link::state::SILENCE;
 
@@ -52,20 +52,9 @@ impl Timeline {
                 .map_or_else(|| "of a recording".to_owned(), |id| id.to_string()),
             uptime_s: moment.saturating_sub(begun).as_secs_f64(),
             warnings: self.notes.clone(),
-            findings: Vec::new(),
-            logged: Vec::new(),
-            refused: Default::default(),
-            set_aside: Default::default(),
-            recordings: Default::default(),
-            received: Default::default(),
-            sent: Default::default(),
-            message_names: Default::default(),
-            held: 0,
             stations: stations.collect(),
-            rights: Vec::new(),
-            access: None,
             vehicles: self.ids().map(|id| self.vehicle(id, moment)).collect(),
-            forwards: Vec::new(),
+            ..Status::default()
         }
     }
 
@@ -136,7 +125,7 @@ impl Timeline {
             position: sample
                 .and_then(|sample| sample.position)
                 .map(|at| [at.latitude, at.longitude, at.amsl_m]),
-            motion: sample.map_or(STILL, |sample| sample.motion),
+            motion: sample.map(|sample| sample.motion).unwrap_or_default(),
             battery_percent: sample.and_then(|sample| sample.battery),
             on_ground: sample.and_then(|sample| sample.on_ground),
             flies_to: known
@@ -305,14 +294,6 @@ fn degrees(item: &Item) -> (f64, f64) {
     (f64::from(item.x) * 1e-7, f64::from(item.y) * 1e-7)
 }
 
-/// Of a vehicle that nothing is known of.
-const STILL: MotionStatus = MotionStatus {
-    heading_deg: None,
-    ground_speed_m_s: None,
-    air_speed_m_s: None,
-    climb_m_s: None,
-    above_home_m: None,
-};
 /// A waypoint's place on the wire of the DLI and of MAVLink differ by their steps, some centimetres.
 const SAME_PLACE_DEG: f64 = 1e-6;
 /// MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION and its like.
