@@ -364,8 +364,8 @@ fn too_few_items_mean_the_smallest_tolerance_that_they_allow_and_a_note() {
         assert!(closer.curved.expect("a curve").tolerance_m > curved.tolerance_m / 1.02);
         before_m = curved.tolerance_m;
     }
-    let fault = within(4).expect_err("the waypoints alone are more");
-    assert!(matches!(fault.reason, Reason::TooManyItems(4)), "{fault}");
+    let fault = within(3).expect_err("the waypoints alone are more");
+    assert!(matches!(fault.reason, Reason::TooManyItems(3)), "{fault}");
 }
 
 #[test]

@@ -36,6 +36,8 @@ fn a_paused_bridge_answers_no_station_and_only_keeps_the_link_to_its_vehicle() {
     assert_eq!(rig.truth().mode, Px4::Loiter);
     assert_eq!(rig.station().end(ticket), None);
     rig.stations[0].give_up(ticket);
+    // A repetition that is on its way would be new to it.
+    rig.run(1.0);
 
     pause(&mut rig, false);
     rig.run(5.0);

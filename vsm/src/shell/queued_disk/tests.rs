@@ -122,8 +122,9 @@ impl Forgetful {
 
     fn sync_file(&self, file: File, path: &Path) -> io::Result<()> {
         let inode = file.metadata()?.ino();
-        let content = std::fs::read(path)?;
         let mut platter = self.0.lock().unwrap();
+        // The thread of a disk that was dropped may be at it too: what it has read before would replace what is newer.
+        let content = std::fs::read(path)?;
         let fails = platter.files_fail;
         platter.held.push(file);
         let (clean, written) = platter.files.entry(inode).or_default();

@@ -9,6 +9,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use axum::extract::ws::{CloseFrame, Message, WebSocket};
+use futures_util::SinkExt as _;
 use stanag_msgs::Id;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::{JoinHandle, spawn_blocking};
@@ -94,7 +95,7 @@ async fn open(
 ) -> Result<Admitted, Ended> {
     let mut of_vsm = [0; 32];
     system_random(&mut of_vsm).map_err(|_| Ended::Refused(WebRefusal::NoHello))?;
-    send(socket, challenge(vsm, &of_vsm)).await?;
+    send(socket, [challenge(vsm, &of_vsm)]).await?;
     let frame = loop {
         match receive(socket).await? {
             Received::Frame(frame) => break frame,
@@ -116,7 +117,7 @@ async fn open(
     let admitted = answered.await.map_err(|_| ends)?;
     // A refusal by the bridge is already counted there.
     let admitted = admitted.map_err(Ended::ByBridge)?;
-    send(socket, admitted.welcome.clone()).await?;
+    send(socket, [admitted.welcome.clone()]).await?;
     Ok(admitted)
 }
 
@@ -182,16 +183,18 @@ impl Connection {
 
     /// A datagram of the bridge to the client.
     async fn pass(&mut self, socket: &mut WebSocket, datagram: &[u8]) -> Result<(), Ended> {
-        for frame in self.admitted.end.seal_datagram(datagram) {
-            self.send(socket, frame).await?;
-        }
-        Ok(())
+        let frames = self.admitted.end.seal_datagram(datagram);
+        self.send(socket, frames).await
     }
 
     /// The bridge may end it meanwhile, such as for a full queue: a client that reads nothing is not waited for.
-    async fn send(&mut self, socket: &mut WebSocket, frame: String) -> Result<(), Ended> {
+    async fn send(
+        &mut self,
+        socket: &mut WebSocket,
+        frames: impl IntoIterator<Item = String>,
+    ) -> Result<(), Ended> {
         tokio::select! {
-            sent = timeout(SILENCE, send(socket, frame)) => {
+            sent = timeout(SILENCE, send(socket, frames)) => {
                 sent.unwrap_or(Err(Ended::Refused(WebRefusal::TooSlow)))
             }
             ended = &mut self.admitted.ends => Err(Ended::ByBridge(ended.unwrap_or(WebRefusal::Ends))),
@@ -241,7 +244,7 @@ impl Connection {
                     lost: &taken.lost,
                 });
                 self.route = taken.datagrams.into();
-                self.send(socket, frame).await
+                self.send(socket, [frame]).await
             }
             Err(why) => self.answer_error(socket, of, &why).await,
         }
@@ -254,7 +257,7 @@ impl Connection {
         why: &str,
     ) -> Result<(), Ended> {
         let frame = self.admitted.end.seal(&Body::Error { of, why });
-        self.send(socket, frame).await
+        self.send(socket, [frame]).await
     }
 
     async fn report(&mut self, bytes: Vec<u8>) -> Result<(), Ended> {
@@ -340,9 +343,18 @@ fn ended_by(fault: axum::Error) -> Ended {
     }
 }
 
-async fn send(socket: &mut WebSocket, frame: String) -> Result<(), Ended> {
-    let sent = socket.send(Message::Text(frame.into())).await;
-    sent.map_err(|_| Ended::Left)
+/// Frames that are there together go in one write.
+async fn send(
+    socket: &mut WebSocket,
+    frames: impl IntoIterator<Item = String>,
+) -> Result<(), Ended> {
+    let sent = async {
+        for frame in frames {
+            socket.feed(Message::Text(frame.into())).await?;
+        }
+        socket.flush().await
+    };
+    sent.await.map_err(|_: axum::Error| Ended::Left)
 }
 
 const HELLO_WITHIN: Duration = Duration::from_secs(5);
