@@ -6,14 +6,14 @@ use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
 use stanag_msgs::messages::{UaPositionWaypoint, VehicleOperatingModeCommand};
 use stanag_msgs::{Message, Scaled};
 
-/// Six waypoints 200 m apart to the north: the first three at 2 m/s, the others at 6 m/s. 12 items, or 8 without repeated speeds.
+/// Six waypoints 400 m apart to the north: the first three at 2 m/s, the others at 6 m/s. 12 items, or 8 without repeated speeds.
 fn two_speeds() -> Vec<Message> {
     let waypoints = (1..=6_u16).map(|number| {
         let next = if number == 6 { 0 } else { number + 1 };
         let speed_m_s = if number <= 3 { 2.0 } else { 6.0 };
         Message::from(UaPositionWaypoint {
             waypoint_to_speed: Some(Scaled::saturating_from_si(speed_m_s)),
-            ..orders::waypoint(number, next, 200.0 * f64::from(number), 0.0, 20.0)
+            ..orders::waypoint(number, next, 400.0 * f64::from(number), 0.0, 20.0)
         })
     });
     std::iter::once(orders::route(1).into())
@@ -49,7 +49,7 @@ fn to_waypoint(number: u16) -> VehicleOperatingModeCommand {
 
 #[track_caller]
 fn assert_flown(rig: &mut Rig, expected_m_s: f64) {
-    rig.run(8.0);
+    rig.run(12.0);
     let found_m_s = rig.truth().velocity.horizontal();
     assert!(
         (found_m_s - expected_m_s).abs() < 0.5,

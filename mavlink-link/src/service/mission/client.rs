@@ -136,10 +136,11 @@ impl Client {
         }
     }
 
-    /// Ends the present operation and cancels it at the vehicle; [`Event::Failed`] follows.
+    /// Ends the present operation and cancels it at the vehicle, without an event: the caller may begin another one at once, and
+    /// would take the end of this one for that one's.
     pub fn cancel(&mut self) {
         if let Some(job) = self.job.take() {
-            self.end(&job, Err(Failure::Cancelled));
+            self.close(&job, true);
         }
     }
 
@@ -242,22 +243,24 @@ impl Client {
     }
 
     fn end(&mut self, job: &Job, end: Result<Event, Failure>) {
+        self.close(job, end.is_err());
+        self.events.push(end.unwrap_or_else(|reason| Event::Failed {
+            operation: job.operation(),
+            kind: job.kind(),
+            reason,
+        }));
+    }
+
+    fn close(&mut self, job: &Job, failed: bool) {
         let (operation, kind) = (job.operation(), job.kind());
         // What a slow link had no room for yet is not sent after its end was reported: a MISSION_SET_CURRENT could move the
         // aircraft then. A MISSION_ACK only closes a transfer.
         self.out
             .retain(|message| matches!(message, MavMessage::MISSION_ACK(_)));
-        let event = end.unwrap_or_else(|reason| {
-            if matches!(operation, Operation::Upload | Operation::Download) {
-                self.out.push(cancel(self.vehicle, kind));
-                self.unconfirmed = Some(kind);
-            }
-            Event::Failed {
-                operation,
-                kind,
-                reason,
-            }
-        });
+        if failed && matches!(operation, Operation::Upload | Operation::Download) {
+            self.out.push(cancel(self.vehicle, kind));
+            self.unconfirmed = Some(kind);
+        }
         if operation == Operation::Download {
             // Our last MISSION_ACK may be lost; PX4 then waits 5 s for it.
             self.unconfirmed = Some(kind);
@@ -265,7 +268,6 @@ impl Client {
         if matches!(self.events.last_mut(), Some(Event::Progress { .. })) {
             self.events.pop_last();
         }
-        self.events.push(event);
     }
 
     /// Cancels a transfer other than the current one: it would keep the vehicle busy for 5 s.

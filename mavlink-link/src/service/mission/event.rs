@@ -100,8 +100,6 @@ pub enum Failure {
         /// The item requested last, by the vehicle or by us.
         seq: Option<u16>,
     },
-    /// The caller ended it.
-    Cancelled,
 }
 
 /// What a [`Client`](super::Client) reports.

@@ -300,7 +300,6 @@ fn explain(reason: &Failure) -> String {
         }
         Failure::OtherPlan { .. } => "the vehicle acknowledged another plan".to_owned(),
         Failure::NoAnswer { .. } => "the vehicle does not answer".to_owned(),
-        Failure::Cancelled => "cancelled".to_owned(),
     }
 }
 

@@ -380,13 +380,10 @@ fn a_cancelled_upload_frees_the_vehicle_at_once() {
         .unwrap();
     world.wait(Duration::from_millis(100));
     world.client.cancel();
-    assert!(matches!(
-        world.run(),
-        Event::Failed {
-            reason: Failure::Cancelled,
-            ..
-        }
-    ));
+    // Another operation may have begun: the end of this one is not to be taken for that one's.
+    while let Some(event) = world.client.poll_event() {
+        assert!(matches!(event, Event::Progress { .. }), "{event:?}");
+    }
     world.wait(Duration::from_millis(50));
     assert!(!world.server.is_busy());
     assert!(world.texts.is_empty() && world.stored.is_empty());
@@ -471,10 +468,6 @@ fn a_shorter_plan_whose_cancelling_was_lost_does_not_cut_the_next_one_short() {
     while world.server.poll_transmit().is_some() {}
     world.client.cancel();
     while world.client.poll_transmit().is_some() {}
-    assert!(matches!(
-        world.client.poll_event(),
-        Some(Event::Failed { .. })
-    ));
 
     let ours = plan(5, 2);
     world
