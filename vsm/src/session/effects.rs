@@ -18,7 +18,10 @@ use mapping::alert;
 use mavlink_link::Now;
 use mavlink_link::store::{Changes, Disk, Progress, StoreError};
 use stanag_msgs::enums::{AckType, AlertPriority, RouteType, SubsystemId};
-use stanag_msgs::messages::{MessageAcknowledgement, VehicleOperatingModeCommand};
+use stanag_msgs::messages::{
+    Contingency, FlightTerminationModeReport, HeldCommandState, MessageAcknowledgement, VehicleId,
+    VehicleOperatingModeCommand,
+};
 use stanag_msgs::{Id, Message, TimeStamp, ed25};
 
 use super::alerts::{Alerts, Cause, Raised};
@@ -190,8 +193,10 @@ impl<'a> DliEffects<'a> {
     /// Sends to the address of a station, and to the group where its profile says so: addressed to the station there too,
     /// so that it can be distinguished from what is for another. `kind`: at the address, and in the group.
     fn deliver(&mut self, station: usize, source: Id, message: &Message, kind: (Kind, Kind)) {
-        // A report of now is stale when the queue is sent again.
-        if self.outbox.paused && matches!(kind, (Kind::Report(_), _)) {
+        // A report of now is stale when the queue is sent again, and another one follows.
+        if self.outbox.is_paused()
+            && matches!(kind, (Kind::Report(of), _) if !SENT_ONCE.contains(&of))
+        {
             return;
         }
         let Some(one) = self.stations.get(station) else {
@@ -694,3 +699,10 @@ impl Effects<'_> {
 }
 
 const MAX_LOGGED: usize = 1_024;
+/// Reports that are sent when something has changed and not repeated.
+const SENT_ONCE: [u16; 4] = [
+    VehicleId::ID,
+    FlightTerminationModeReport::ID,
+    HeldCommandState::ID,
+    Contingency::ID,
+];

@@ -167,8 +167,8 @@ pub(crate) struct Outbox {
     alerts: VecDeque<(TimeStamp, i32)>,
     /// Which stations show which lasting alert, by its id: until its end was sent to each.
     shown: BTreeMap<i32, Vec<usize>>,
-    /// Another node may serve this VSM: nothing is sent, and reports are not queued ([`super::Bridge::pause`]).
-    pub(crate) paused: bool,
+    /// Since when another node may serve this VSM: nothing is sent, and reports are not queued ([`super::Bridge::pause`]).
+    pub(crate) paused_since: Option<Duration>,
     pub(crate) sent: ByType,
 }
 
@@ -184,6 +184,10 @@ pub(crate) enum Instance {
 }
 
 impl Outbox {
+    pub(crate) fn is_paused(&self) -> bool {
+        self.paused_since.is_some()
+    }
+
     /// Looks at the clocks though nothing is sent: a wall clock that was set right while nobody listened is followed before
     /// somebody does.
     pub(crate) fn watch_time(&mut self, now: Now) {

@@ -12,8 +12,9 @@ const PING: u32 = 4;
 const COMMAND_INT: u32 = 75;
 
 fn pause(rig: &mut Rig, paused: bool) {
+    let now = rig.clock.now().mono;
     let bridge = rig.bridge.as_mut().expect("it runs");
-    bridge.pause(paused);
+    bridge.pause(now, paused);
 }
 
 #[test]

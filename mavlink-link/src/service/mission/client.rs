@@ -30,6 +30,7 @@ pub struct Client {
     job: Option<Job>,
     /// The vehicle may still be in this transfer: it did not acknowledge the end.
     unconfirmed: Option<MavMissionType>,
+    cancelled: bool,
     out: Bounded<MavMessage>,
     events: Bounded<Event>,
 }
@@ -43,6 +44,7 @@ impl Client {
             timing,
             job: None,
             unconfirmed: None,
+            cancelled: false,
             out: Bounded::new(MAX_OUT),
             events: Bounded::new(MAX_EVENTS),
         }
@@ -141,7 +143,14 @@ impl Client {
     pub fn cancel(&mut self) {
         if let Some(job) = self.job.take() {
             self.close(&job, true);
+            self.cancelled = true;
         }
+    }
+
+    /// Whether an operation was cancelled since the last call: an answer that is older than the next one's first message may
+    /// be to it.
+    pub fn take_cancelled(&mut self) -> bool {
+        std::mem::take(&mut self.cancelled)
     }
 
     /// Takes a message of `from`; `fresh` is false when it may be a replay.

@@ -242,7 +242,7 @@ impl Bridge {
         }
         self.note_received(index, now.mono);
         // An order to erase this computer's keys is carried out by whoever receives it.
-        if self.outbox.paused && !matches!(message, Message::ZeroizeCommand(_)) {
+        if self.outbox.is_paused() && !matches!(message, Message::ZeroizeCommand(_)) {
             // Before it is judged: where this node continues, the repetition is new to it.
             self.counters.count(PAUSED);
             return false;

@@ -161,7 +161,7 @@ impl Bridge {
             .evidence
             .note_decoded(at.cucs, frame.header.message_type);
         self.note_received(index, now.mono);
-        if self.outbox.paused {
+        if self.outbox.is_paused() {
             return self.counters.count(PAUSED);
         }
         let stamp = editions::stamp(frame);

@@ -233,13 +233,17 @@ impl Bridge {
 
     /// The next step of an exchange about a guard key, for the machine that answers it.
     pub fn poll_guard_step(&mut self) -> Option<(SocketAddr, Box<[u8]>)> {
+        if self.outbox.is_paused() {
+            // A key that only this node has would shut the guard out at the next one.
+            self.guards.steps.clear();
+        }
         self.guards.steps.pop_front()
     }
 
     /// Sends a CUCS's guard bytes that are not of the DLI, sealed, to the address of the CUCS. Returns false if that is
-    /// unknown, or there is no key for it.
+    /// unknown, there is no key for it, or the bridge is paused.
     pub fn send_guard(&mut self, now: Now, cucs: Id, bytes: &[u8], disk: &mut dyn Disk) -> bool {
-        let Some(index) = self.listed(cucs) else {
+        let Some(index) = self.listed(cucs).filter(|_| !self.outbox.is_paused()) else {
             return false;
         };
         let mut out = [0; MAX_GUARDED];
@@ -255,7 +259,7 @@ impl Bridge {
     /// The next datagram for a guard itself, such as one that raises its stamps, and its address. It is sent as it is, in
     /// addition to [`Bridge::poll_dli`].
     pub fn poll_lift(&mut self) -> Option<(SocketAddr, Box<[u8]>)> {
-        if self.outbox.paused {
+        if self.outbox.is_paused() {
             // Made again: any of them may be lost on its way.
             self.guards.lifts.clear();
         }

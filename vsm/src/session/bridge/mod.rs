@@ -447,7 +447,7 @@ impl Bridge {
         (of_vehicles.into_iter())
             .chain(self.alerts.poll_timeout())
             .chain(self.zeroize.poll_timeout())
-            .chain(self.paths.poll_timeout(now))
+            .chain((self.paths.poll_timeout(now)).filter(|_| !self.outbox.is_paused()))
             // It shares a wake-up with the reports if there are any.
             .chain([self.checks.look_at + WATCH_SLACK])
             .chain(self.forwards.iter().map(Forward::poll_timeout))
@@ -468,7 +468,7 @@ impl Bridge {
 
     /// The next datagram for the DLI side.
     pub fn poll_dli(&mut self) -> Option<Datagram> {
-        if self.outbox.paused {
+        if self.outbox.is_paused() {
             return None;
         }
         self.next_datagram()
@@ -478,7 +478,7 @@ impl Bridge {
     pub fn poll_vehicle(&mut self) -> Option<(usize, OutFrame)> {
         loop {
             let (index, frame) = self.aircraft.poll_transmit()?;
-            if !self.outbox.paused || frame.keeps_link() {
+            if !self.outbox.is_paused() || frame.keeps_link() {
                 return Some((index, frame));
             }
         }
@@ -490,8 +490,21 @@ impl Bridge {
     /// It follows what it receives, so that it continues with the state of now. Heartbeats to the vehicles, and PINGs, continue:
     /// they command nothing, and without them a vehicle's failsafe would begin. Other frames are lost, as on a link that is cut.
     /// Alerts and answers to what was commanded before wait, and reports are not sent.
-    pub fn pause(&mut self, paused: bool) {
-        self.outbox.paused = paused;
+    ///
+    /// What a station's address has proved lasts as much longer as the pause: its challenges could not be sent. What had waited for
+    /// a proof as the pause began is dropped: commands would be carried out a minute late.
+    pub fn pause(&mut self, now: Duration, paused: bool) {
+        match (self.outbox.paused_since, paused) {
+            (None, true) => {
+                self.outbox.paused_since = Some(now);
+                self.paths.drop_held();
+            }
+            (Some(since), false) => {
+                self.outbox.paused_since = None;
+                self.paths.extend_proofs(now.saturating_sub(since));
+            }
+            _ => {}
+        }
     }
 
     /// The log line for a datagram that is sent to a station, if datagrams are traced.

@@ -10,6 +10,7 @@ use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Message, TimeStamp, ed25};
 
 use super::Bridge;
+use super::arrival::PAUSED;
 use crate::session::authority::Input;
 use crate::session::authority::rules::CONTROL;
 use crate::session::log::LogLevel;
@@ -86,8 +87,9 @@ impl Bridge {
         self.send_waiting(now, index);
         if !taken && !arriving.acknowledges {
             let key = self.stations[index].sealed_under;
-            let held = self.paths.hold(index, from, arriving.bytes, key);
-            self.counters.count(if held {
+            self.counters.count(if self.outbox.is_paused() {
+                PAUSED
+            } else if self.paths.hold(index, from, arriving.bytes, key) {
                 "held back until the address is proven"
             } else {
                 "unproven address"
@@ -116,6 +118,9 @@ impl Bridge {
 
     /// Does what is due for the stations' addresses.
     pub(super) fn watch_paths(&mut self, now: Now, disk: &mut dyn Disk) {
+        if self.outbox.is_paused() {
+            return;
+        }
         for index in 0..self.stations.len() {
             let station = &self.stations[index];
             if station.speaks_ed25() && self.aircraft.has_holder(station.id()) {
@@ -139,13 +144,13 @@ impl Bridge {
 
     /// Challenges an address if that is due.
     fn ask(&mut self, now: Now, index: usize, address: SocketAddr, again: bool) {
+        // A challenge that is not sent must not count as one that was not answered.
+        if self.outbox.is_paused() {
+            return;
+        }
         let Some(stamp) = self.paths.ask(now, index, address, again) else {
             return;
         };
-        // Counts as sent, since it would be due all the time: the next one follows as where one is lost.
-        if self.outbox.paused {
-            return;
-        }
         let message = Message::from(Heartbeat {
             time_stamp: Some(stamp),
         });

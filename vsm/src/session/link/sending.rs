@@ -51,7 +51,7 @@ impl VehicleLink {
             self.send(now, &message, store);
         }
         // The operation has ended: answers to the next one are compared with the timestamp of its own first message.
-        if services.missions.busy().is_none() {
+        if services.missions.take_cancelled() || services.missions.busy().is_none() {
             self.asked.mission = None;
         }
         while self.budget.has_room(now.mono)

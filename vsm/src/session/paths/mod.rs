@@ -323,6 +323,24 @@ impl Paths {
         room
     }
 
+    /// Drops all messages that are held back until an address is proven.
+    pub(crate) fn drop_held(&mut self) {
+        for path in self.each_path() {
+            path.held.clear();
+        }
+    }
+
+    /// Nothing could be asked for so long.
+    pub(crate) fn extend_proofs(&mut self, by: Duration) {
+        for path in self.each_path() {
+            path.proven = path.proven.map(|at| at + by);
+        }
+    }
+
+    fn each_path(&mut self) -> impl Iterator<Item = &mut Path> {
+        (self.stations.iter_mut()).flat_map(|one| one.current.iter_mut().chain(&mut one.candidates))
+    }
+
     /// Forgets messages from other addresses: from now on their sender is judged by another key.
     pub(crate) fn forget_candidates(&mut self, index: usize) {
         if let Some(station) = self.stations.get_mut(index) {

@@ -209,3 +209,42 @@ const OWN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::new(10, 9
 
 /// How long the system keeps a datagram to a computer that does not answer ARP.
 const ARP: Duration = Duration::from_secs(3);
+
+/// While a bridge is paused nobody can answer it, so no proof ends by that.
+#[test]
+fn a_proof_lasts_as_much_longer_as_nothing_could_be_asked() {
+    let mut paths = Paths::new(LIMITS, [None].into_iter());
+    let mut now = Now {
+        mono: Duration::from_secs(100),
+        wall: Duration::from_secs(1_795_219_200),
+    };
+    paths.arrived(now.mono, 0, FROM, 300, || false);
+    let mut question = paths.ask(now, 0, FROM, false);
+    while let Some(stamp) = question.take() {
+        paths.arrived(now.mono, 0, FROM, 34, || false);
+        if paths.answered(now, 0, FROM, stamp) == Proof::Round {
+            question = paths.ask(now, 0, FROM, true);
+        }
+    }
+    assert!(paths.is_proven(0));
+    let paused = Duration::from_secs(500);
+    now.mono += paused;
+    paths.extend_proofs(paused);
+    paths.handle_timeout(now.mono, 0);
+    assert!(paths.is_proven(0));
+    now.mono += 2 * LIMITS.lease;
+    paths.handle_timeout(now.mono, 0);
+    assert!(!paths.is_proven(0), "asked again, it did not answer");
+}
+
+#[test]
+fn what_waits_for_a_proof_as_a_pause_begins_is_not_carried_out_behind_it() {
+    let mut paths = Paths::new(LIMITS, [None].into_iter());
+    let other = SocketAddr::new(FROM.ip(), FROM.port() + 1);
+    paths.arrived(Duration::from_secs(100), 0, FROM, 300, || false);
+    paths.arrived(Duration::from_secs(101), 0, other, 300, || true);
+    assert!(paths.hold(0, other, b"land", None));
+    paths.drop_held();
+    paths.stations[0].adopt(0);
+    assert!(paths.take_held(0).is_empty());
+}

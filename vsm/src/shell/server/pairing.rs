@@ -156,6 +156,8 @@ async fn take(
     let waits_for = waiting.as_ref().map(|one| one.cucs);
     let is_for = |cucs: Id| waits_for == Some(cucs);
     let line = match done {
+        // Another node may serve this VSM, and its guard keys.
+        Done::Send(..) if shared.with(|core, _| core.lease_has_ended()) => return,
         Done::Send(to, bytes) => {
             if let Err(cause) = beat.during(socket.send_to(&bytes, to)).await {
                 tracing::debug!("a step of an exchange was not sent: {cause}");
@@ -180,7 +182,9 @@ async fn take(
             ended = !sent;
             let text = match sent {
                 true => format!("CUCS {cucs} is requested to agree on a new key"),
-                false => format!("refused: nothing of the guard of CUCS {cucs} has verified yet"),
+                false => format!(
+                    "refused: nothing of the guard of CUCS {cucs} has verified yet, or the lease of this node has ended"
+                ),
             };
             Some(text)
         }

@@ -12,6 +12,7 @@ use super::forward::OpenForward;
 use super::guard_thread::GuardThread;
 use crate::config::{Config, LinkAddress};
 use crate::key_exchange::{KeyExchange, Surroundings};
+use crate::session::web::WebRefusal;
 use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Peer, Status, VehicleMap};
 use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::dli_recording::DliRecording;
@@ -99,12 +100,16 @@ pub(super) struct Core {
 
 impl Core {
     /// Lets the bridge answer and command while this node's lease lasts, and no longer.
-    pub(super) fn keep_to_lease(&mut self) {
+    pub(super) fn keep_to_lease(&mut self, mono: Duration) {
         let ended = self.lease_has_ended();
-        self.bridge.pause(ended);
+        self.bridge.pause(mono, ended);
+        if ended {
+            self.web.end_all(WebRefusal::Ends);
+        }
     }
 
-    fn lease_has_ended(&self) -> bool {
+    /// Where several nodes share the store: whether another one may serve this VSM.
+    pub(super) fn lease_has_ended(&self) -> bool {
         let until = *self.lease.borrow();
         until.is_some_and(|until| Instant::now() >= until)
     }
@@ -177,8 +182,8 @@ impl Shared {
     /// Calls the bridge, then handles what follows from the call.
     pub(super) fn with<T>(&self, act: impl FnOnce(&mut Core, Now) -> T) -> T {
         let mut core = self.core.borrow_mut();
-        core.keep_to_lease();
         let now = self.clock.now();
+        core.keep_to_lease(now.mono);
         let done = act(&mut core, now);
         core.step_exchanges(now, None, &self.events);
         for entry in core.step_encryptions(now) {

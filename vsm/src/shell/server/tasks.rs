@@ -244,7 +244,13 @@ pub(super) async fn send(
         // there can make the VSM answer an address that nobody has.
         loop {
             // For each datagram: a process that stood still continues anywhere.
-            shared.core.borrow_mut().keep_to_lease();
+            {
+                let mut core = shared.core.borrow_mut();
+                core.keep_to_lease(shared.clock.mono());
+                if core.lease_has_ended() {
+                    batch.clear();
+                }
+            }
             let sealed = shared.core.borrow_mut().poll_encrypted(shared.clock.mono());
             if let Some((writer, to, bytes)) = sealed {
                 if !write_bytes(&bytes, to, &writer) {
@@ -341,6 +347,12 @@ impl Batch {
 
     fn is_full(&self) -> bool {
         self.each.len() >= MAX_BATCH
+    }
+
+    fn clear(&mut self) {
+        self.each.clear();
+        self.bytes.clear();
+        self.stuck = None;
     }
 
     /// Sends them. Returns false where the socket has no room: they stay for [`PATIENCE`], the time that a network takes for a

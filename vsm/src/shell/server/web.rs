@@ -27,6 +27,9 @@ fn take(shared: &Shared, report: Report) {
             answer,
         } => {
             let admitted = shared.with(|core, now| {
+                if core.lease_has_ended() {
+                    return Err(WebRefusal::Ends);
+                }
                 let vsm = core.config.dli.vsm_id;
                 let hello = Hello::parse(&frame, vsm, of_vsm)?;
                 let Core {

@@ -55,6 +55,13 @@ impl Clients {
         }
     }
 
+    /// Ends all connections.
+    pub fn end_all(&mut self, why: WebRefusal) {
+        for client in std::mem::take(&mut self.0).into_values() {
+            let _ = client.ends.send(why);
+        }
+    }
+
     /// It has ended.
     pub fn remove(&mut self, number: u64) {
         self.0.remove(&number);
