@@ -20,7 +20,7 @@ use stanag_msgs::{Id, MAX_DATAGRAM, Message, TimeStamp, ed25};
 
 use super::guards::{DATAGRAM_OF_WEB, Opened, UNAUTHORISED_ADDRESS};
 use super::reach::Arriving;
-use super::{Bridge, destination_as_source};
+use super::{Bridge, PAUSED, destination_as_source};
 use crate::config::Edition;
 use crate::session::aircraft::Aircraft;
 use crate::session::authority::rules::Silence;
@@ -569,6 +569,4 @@ pub(super) fn drop_name(fault: &WrapperError) -> &'static str {
 
 const NO_STAMP: &str = "a command needs its Time Stamp (field 1): without one a recording of it could not be distinguished from it";
 const UNGUARDED: &str = "guard: no trailer";
-/// The counter of what is not carried out while [`Bridge::pause`] holds.
-pub(super) const PAUSED: &str = "the lease of this node has ended";
 const ACKNOWLEDGEMENT: u16 = 17000;

@@ -17,9 +17,9 @@ use stanag_msgs::table::Direction;
 use stanag_msgs::wrapper::{Header, MAX_DATAGRAM};
 use stanag_msgs::{ChecksumStyle, Envelope, Id, Message, TimeStamp, ed25};
 
-use super::Bridge;
-use super::arrival::{PAUSED, drop_name};
+use super::arrival::drop_name;
 use super::reach::Arriving;
+use super::{Bridge, PAUSED};
 use crate::config::Edition;
 use crate::session::access::{Group, Permitted};
 use crate::session::context::Origin;

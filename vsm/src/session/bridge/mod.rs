@@ -585,3 +585,5 @@ fn destination_as_source(destination: Id, vsm: Id) -> Id {
 
 /// The wake-up interval if nothing is due.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
+/// The counter of what is not carried out while [`Bridge::pause`] holds.
+const PAUSED: &str = "the lease of this node has ended";

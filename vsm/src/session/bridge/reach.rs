@@ -9,8 +9,7 @@ use stanag_msgs::messages::{Heartbeat, MessageAcknowledgement};
 use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Message, TimeStamp, ed25};
 
-use super::Bridge;
-use super::arrival::PAUSED;
+use super::{Bridge, PAUSED};
 use crate::session::authority::Input;
 use crate::session::authority::rules::CONTROL;
 use crate::session::log::LogLevel;

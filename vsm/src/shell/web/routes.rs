@@ -57,24 +57,14 @@ impl Query {
                     }
                     json(&status)
                 };
-                match kept.status.get((at, details), compose) {
-                    Some(body) => to.send(body),
-                    // What is not answered is busy.
-                    None => Ok(()),
-                }
+                to.send(kept.status.get((at, details), compose))
             }
-            Query::Map(at, to) => match kept.map.get(at, |at| json(&source.map(*at))) {
-                Some(body) => to.send(body),
-                None => Ok(()),
-            },
+            Query::Map(at, to) => to.send(kept.map.get(at, |at| json(&source.map(*at)))),
             Query::Events(from, at, to) => to.send(json(&source.events(from, at)).into()),
             Query::Tracks(to) => to.send(json(&source.tracks()).into()),
             Query::Metrics(to) => {
                 let compose = |(): &()| metrics::text(&source.status(None));
-                match kept.metrics.get((), compose) {
-                    Some(body) => to.send(body),
-                    None => Ok(()),
-                }
+                to.send(kept.metrics.get((), compose))
             }
         };
     }
@@ -97,16 +87,13 @@ struct Composed<Q> {
     of: Q,
     body: Bytes,
     until: Instant,
-    rests_until: Instant,
 }
 
 impl<Q: PartialEq> Answer<Q> {
-    /// `None`: something else was composed just now.
-    fn get(&mut self, of: Q, compose: impl FnOnce(&Q) -> String) -> Option<Bytes> {
+    fn get(&mut self, of: Q, compose: impl FnOnce(&Q) -> String) -> Bytes {
         let began = Instant::now();
         match &self.0 {
-            Some(kept) if kept.of == of && began < kept.until => Some(kept.body.clone()),
-            Some(kept) if kept.of != of && began < kept.rests_until => None,
+            Some(kept) if kept.of == of && began < kept.until => kept.body.clone(),
             _ => {
                 let body = Bytes::from(compose(&of));
                 let took = began.elapsed();
@@ -115,10 +102,9 @@ impl<Q: PartialEq> Answer<Q> {
                     of,
                     body: body.clone(),
                     until,
-                    rests_until: began + took * REST,
                 };
                 self.0 = Some(kept);
-                Some(body)
+                body
             }
         }
     }
@@ -239,10 +225,7 @@ async fn ask(
     let _ = to.send(query(answer)).await;
     match answered.await {
         Ok(body) => response(StatusCode::OK, kind, body.into()),
-        Err(_) => text(
-            StatusCode::SERVICE_UNAVAILABLE,
-            "the bridge is ending, or busy with other requests: ask again\n",
-        ),
+        Err(_) => text(StatusCode::SERVICE_UNAVAILABLE, "the bridge is ending\n"),
     }
 }
 
@@ -303,8 +286,6 @@ const MAX_DETAILS: usize = 16;
 const KEPT: Duration = Duration::from_millis(200);
 /// Of a thousand vehicles an answer takes milliseconds of the thread that flies: that is one part in so many of its time.
 const ONE_PART_IN: u32 = 30;
-/// Who asks for another selection each time has one part in so many of it.
-const REST: u32 = 4;
 const JSON: &str = "application/json";
 const PROMETHEUS: &str = "text/plain; version=0.0.4";
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
