@@ -121,7 +121,7 @@ pub struct StationStatus {
 /// One vehicle.
 #[derive(Debug, Clone, Serialize)]
 pub struct VehicleStatus {
-    /// Whether the document has all of it, or a [`VehicleRow`].
+    /// Whether the document has all of it, or the row that a list shows.
     #[serde(skip)]
     pub whole: bool,
     /// Vehicle ID.
