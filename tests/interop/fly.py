@@ -4,7 +4,9 @@
     fly.py --vsm 127.0.0.1:4586 [--id 1b:00:00:a0] [--report FILE]
 
 Discovers, takes control, has faulty routes refused, uploads a good one, launches, flies it, changes speed
-and altitude on the way, lands and gives control back. It needs an aircraft on the ground, disarmed, in a
+and altitude on the way, lands and gives control back. It acknowledges no heartbeat, which is what proves a
+station's address: the `[[cucs]]` of the VSM needs `address = "127.0.0.1"`, or its reports are rationed and
+some checks fail. It needs an aircraft on the ground, disarmed, in a
 place where 400 m north and 150 m east of it are free; `--slow 10` allows ten times the time of each step.
 Ends with 0 where every check held, else with 1. THE AIRCRAFT WILL ARM AND FLY.
 """
