@@ -489,7 +489,7 @@ impl Bridge {
     ///
     /// It follows what it receives, so that it continues with the state of now. Heartbeats to the vehicles, and PINGs, continue:
     /// they command nothing, and without them a vehicle's failsafe would begin. Other frames are lost, as on a link that is cut.
-    /// Alerts and answers to what was commanded before wait, and reports are not sent.
+    /// Alerts, answers to what was commanded before, and reports that are sent once wait; those that are repeated are not sent.
     ///
     /// What a station's address has proved lasts as much longer as the pause: its challenges could not be sent. What had waited for
     /// a proof as the pause began is dropped: commands would be carried out a minute late.
