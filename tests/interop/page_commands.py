@@ -383,11 +383,15 @@ def a_request_and_a_reason(checks, opened, over, station):
     page.evaluate(
         """([vehicle, other]) => {
             const take = (id, source, fields) => spy.take({ message: { id, source, fields } });
-            const alert = (source, id, text) => take(16000, source, { 'Time Stamp': id, 'Alert (Warning) ID': id, Priority: 'caution', Text: text });
-            alert(other, 9001, 'a fault of another');
-            alert(vehicle, 9002, 'a fault of its own');
+            const alert = (source, id, text, Priority, subsystem) =>
+                take(16000, source, { 'Time Stamp': id, 'Alert (Warning) ID': id, Priority, 'Subsystem ID': subsystem, Text: text });
+            const answer = (source, id, text) => alert(source, id, text, 'caution', 'VSM status');
+            answer(other, 9001, 'a fault of another');
+            alert(vehicle, 9004, 'a finding in its name', 'warning', 'VSM status');
+            alert(vehicle, 9005, 'what it reports by itself', 'caution', 'navigation');
+            answer(vehicle, 9002, 'a fault of its own');
             take(17000, vehicle, { 'Original Message Time Stamp': spy.command.fields['Time Stamp'], 'Acknowledgement Type': 'refused' });
-            alert(other, 9003, 'another one of another');
+            answer(other, 9003, 'another one of another');
         }""",
         [vehicle, OTHER_VEHICLE],
     )

@@ -103,7 +103,7 @@ fn what_comes_in_its_name_by_datagrams_is_dropped_sealed_or_not() {
     assert!(!rig.truth().landed);
     assert_eq!(refused(&rig, "web: datagram of a web client"), 4);
     let found = status(&rig)["findings"].to_string();
-    assert!(found.contains("is a web client"), "{found}");
+    assert!(found.contains("datagrams in its name"), "{found}");
     rig.done(orders::mode(Mode::Loiter));
 }
 
@@ -124,6 +124,10 @@ fn another_key_an_unlisted_id_and_one_that_is_no_web_client_open_nothing() {
     );
     assert_eq!(refused(&rig, "web: wrong key"), 1);
     assert_eq!(refused(&rig, "web: id not listed for the web"), 2);
+    rig.run(1.5);
+    let found = status(&rig)["findings"].to_string();
+    assert!(found.contains("a connection in its name"), "{found}");
+    assert!(!found.contains("datagrams in its name"), "{found}");
     // The client itself is served all the time.
     rig.done(orders::request_control());
 }

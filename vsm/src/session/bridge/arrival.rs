@@ -505,7 +505,7 @@ impl Barred {
                 Some(Fault::NotListed(header.source, edition, header.checksum))
             }
             Barred::Unguarded => Some(Fault::Guard(header.source, UNGUARDED)),
-            Barred::OfWeb => Some(Fault::Web(header.source, DATAGRAM_OF_WEB)),
+            Barred::OfWeb => Some(Fault::WebDatagram(header.source, DATAGRAM_OF_WEB)),
             Barred::Address(expected) => Some(Fault::Address(header.source, expected)),
             Barred::Edition(only) => Some(Fault::OtherEdition(header.source, edition, only)),
             Barred::ChangedEdition => Some(Fault::ChangedEdition(header.source, edition)),

@@ -149,7 +149,7 @@ impl Bridge {
         // Each station has one way in: a key that is in a browser must not be valid for datagrams too.
         if web {
             self.counters.count(DATAGRAM_OF_WEB);
-            let fault = Fault::Web(sender, DATAGRAM_OF_WEB);
+            let fault = Fault::WebDatagram(sender, DATAGRAM_OF_WEB);
             self.checks.evidence.note(now.mono, from, fault);
             return Opened::Dropped;
         }

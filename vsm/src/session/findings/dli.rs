@@ -29,6 +29,8 @@ pub(crate) enum Fault {
     /// Its source has a guard, which it did not come from: by this counter.
     Guard(Id, &'static str),
     /// It is a web client, and a datagram in its name was dropped: with this counter.
+    WebDatagram(Id, &'static str),
+    /// It is a web client, and a connection in its name was refused or ended: with this counter.
     Web(Id, &'static str),
     /// Its source is listed; nobody here has its destination's id.
     Misaddressed(Id, Id),
@@ -87,6 +89,7 @@ impl Fault {
             | Fault::OtherEdition(..)
             | Fault::ChangedEdition(..)
             | Fault::Guard(..)
+            | Fault::WebDatagram(..)
             | Fault::Web(..)
             | Fault::Misaddressed(..) => 1,
             _ => 3,
@@ -177,9 +180,9 @@ impl Seen {
                 (one, of) == (other, other_of)
             }
             // A forger's one reason hides no other, which may be an honest guard's.
-            (Fault::Guard(..), Fault::Guard(..)) | (Fault::Web(..), Fault::Web(..)) => {
-                self.fault == *fault
-            }
+            (Fault::Guard(..), Fault::Guard(..))
+            | (Fault::WebDatagram(..), Fault::WebDatagram(..))
+            | (Fault::Web(..), Fault::Web(..)) => self.fault == *fault,
             (one, other) => {
                 std::mem::discriminant(one) == std::mem::discriminant(other)
                     && self.from.ip() == from.ip()
@@ -234,7 +237,10 @@ impl DliEvidence {
             .iter()
             .filter(|one| fault.shares_places(&one.fault));
         // Of guards there are as many as there are stations with one and reasons, however many forge.
-        let bounded = matches!(fault, Fault::Guard(..) | Fault::Web(..));
+        let bounded = matches!(
+            fault,
+            Fault::Guard(..) | Fault::WebDatagram(..) | Fault::Web(..)
+        );
         if bounded || rivals.count() < PLACES {
             self.seen.push(Seen {
                 fault,
@@ -259,7 +265,9 @@ impl DliEvidence {
             | Fault::Misaddressed(id, _) => id != source,
             // A forger's beside its own: shown as long as it lasts. What cannot be decoded had a wrapper that can be read:
             // `note_decoded` clears it.
-            Fault::Guard(..) | Fault::Web(..) | Fault::Undecodable(..) => true,
+            Fault::Guard(..) | Fault::WebDatagram(..) | Fault::Web(..) | Fault::Undecodable(..) => {
+                true
+            }
             // Of the wrapper: nothing of it can be believed of who sent it.
             _ => one.from.ip() != from.ip(),
         });
@@ -383,6 +391,11 @@ fn finding(one: &Seen) -> Finding {
         finding.key = id.0;
         finding
     };
+    let of_key = |id: Id, why: &str, cause: String, cure: &str| {
+        let mut finding = of_cucs(Code::CucsGuard, id, cause, cure.to_owned());
+        finding.key = key_of(id.0, why);
+        finding
+    };
     match one.fault {
         Fault::NotListed(id, edition, style) => {
             // In Edition 2.5 nothing but the edition can be set.
@@ -407,30 +420,27 @@ fn finding(one: &Seen) -> Finding {
             format!("sends from {ip}, but its address is configured as {expected}"),
             format!("if it has moved, set address = \"{ip}\" in its [[cucs]]; if not, somebody else uses its id"),
         ),
-        Fault::Guard(id, why) => {
-            let mut finding = of_cucs(
-                Code::CucsGuard,
-                id,
-                format!("has a guard, and datagrams in its name from {ip} are dropped ({why})"),
-                "have it send through `vsm guard`, of the version of this VSM and with the key file that its [[cucs]] names; if \
-                 it does, somebody else writes in its name"
-                    .to_owned(),
-            );
-            finding.key = key_of(id.0, why);
-            finding
-        }
-        Fault::Web(id, why) => {
-            let mut finding = of_cucs(
-                Code::CucsGuard,
-                id,
-                format!("is a web client, and datagrams in its name from {ip} are dropped ({why})"),
-                "have it connect to the page's address by /control, with the key file that its [[cucs]] names; if it does, \
-                 somebody else uses its name"
-                    .to_owned(),
-            );
-            finding.key = key_of(id.0, why);
-            finding
-        }
+        Fault::Guard(id, why) => of_key(
+            id,
+            why,
+            format!("has a guard, and datagrams in its name from {ip} are dropped ({why})"),
+            "have it send through `vsm guard`, of the version of this VSM and with the key file that its [[cucs]] names; if \
+             it does, somebody else writes in its name",
+        ),
+        Fault::WebDatagram(id, why) => of_key(
+            id,
+            why,
+            format!("is a web client, and datagrams in its name from {ip} are dropped ({why})"),
+            "have it connect to the page's address by /control, with the key file that its [[cucs]] names; if it does, \
+             somebody else uses its name",
+        ),
+        Fault::Web(id, why) => of_key(
+            id,
+            why,
+            format!("is a web client, and a connection in its name from {ip} was refused or ended ({why})"),
+            "have it connect with the key file that its [[cucs]] names, and as a client of the version of this VSM; if it does, \
+             somebody else uses its name",
+        ),
         Fault::OtherEdition(id, edition, only) => of_cucs(
             Code::DliEdition,
             id,

@@ -75,8 +75,9 @@ export class Commands {
   /** A 16000, which may be a reason. */
   alerted(from, fields) {
     const text = this.#whole(`${from} ${Math.abs(fields["Alert (Warning) ID"] ?? 0)}`, fields);
-    // A reason stands beside its refusal, before or behind it, and comes from the vehicle that has refused.
-    if (text === null || fields.Priority === "nominal" || fields.Priority?.startsWith("cleared")) return;
+    // A reason stands beside its refusal, before or behind it, and comes from the vehicle that has refused. What the vehicle or the
+    // VSM reports by itself may stand there too: a finding of the VSM comes in a vehicle's name.
+    if (text === null || !isAnswer(fields)) return;
     const now = performance.now();
     this.#reasons = this.#reasons.filter(({ at }) => now - at < REASON_WITHIN_MS);
     this.#reasons.push({ at: now, from, text });
@@ -135,6 +136,9 @@ function inShort({ label, state, kind, reasons = [] }) {
   const why = reasons.map((text) => text.replace(/^.*? refused: /, ""));
   return [`${why.length > 0 ? ["REFUSED", ...why].join(": ") : state} (${label})`, kind];
 }
+
+/** An answer to a message of this station, by what mapping.md says of their alerts. */
+const isAnswer = (fields) => fields.Priority === "caution" && fields["Subsystem ID"] === "VSM status";
 
 /** Keeps an entry as the newest; the oldest make room, so that a page that is open for days stays small. */
 export function remember(entries, key, value) {
