@@ -151,7 +151,7 @@ impl Stations {
             }
         }
         // Control has one owner.
-        if self.cucs(1, vehicle, &["take", "--loi", "4"])?.0 {
+        if self.ask(1, vehicle, &["take", "--loi", "4"])?.0 {
             lost.push(format!(
                 "two owners: both stations control vehicle {}",
                 vehicle + 1
@@ -175,7 +175,7 @@ impl Stations {
             self.note(vehicle, plan, true);
         }
         let number = self.plans[vehicle].accepted;
-        let (_, printed) = self.cucs(0, vehicle, &["download"])?;
+        let (_, printed) = self.ask(0, vehicle, &["download"])?;
         let whole = format!("p{number}\\\"");
         let same = printed.contains(&whole) && printed.matches(&altitude(number)).count() == 2;
         Ok((!same).then(|| format!("plan {number} of vehicle {} lost: {printed}", vehicle + 1)))
@@ -208,6 +208,22 @@ impl Stations {
                 None if Instant::now() > end => bail!("no answer of every vehicle: {printed}"),
                 None => thread::sleep(Duration::from_millis(300)),
             }
+        }
+    }
+
+    /// A question that changes nothing, until it has an answer: a node answers nothing while its lease has ended by its own clock,
+    /// as it does when the members of etcd elect a leader once more. How long that lasts is measured by commands.
+    fn ask(&self, station: usize, vehicle: usize, words: &[&str]) -> Result<(bool, String)> {
+        let end = Instant::now() + WITHIN;
+        loop {
+            let (done, printed) = self.cucs(station, vehicle, words)?;
+            if !printed.contains(UNANSWERED) {
+                return Ok((done, printed));
+            }
+            if Instant::now() > end {
+                bail!("{words:?} of vehicle {}: {printed}", vehicle + 1);
+            }
+            thread::sleep(Duration::from_millis(200));
         }
     }
 
@@ -295,6 +311,8 @@ pub(super) fn nth_altitude(number: u16) -> f32 {
 /// After that many an altitude is commanded again.
 pub(super) const ALTITUDES: u16 = 400;
 const BOOT: Duration = Duration::from_secs(60);
+/// In what `cucs` prints where nothing was received in time.
+const UNANSWERED: &str = "no answer from a VSM";
 /// Longer than `cucs` waits for anything.
 const WITHIN: Duration = Duration::from_secs(75);
 

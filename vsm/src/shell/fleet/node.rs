@@ -544,12 +544,13 @@ impl Keep {
         loop {
             let begun = Instant::now();
             match self.renew(begun) {
-                Ok(None) => {
+                Ok(Renewal::Done) => {
                     if std::mem::take(&mut lapsed) {
                         tracing::info!("etcd has renewed the lease of this node");
                     }
                 }
-                Ok(Some(why)) => {
+                Ok(Renewal::NotYet) => {}
+                Ok(Renewal::Ends(why)) => {
                     // Sent once. A drained node keeps its lease until all that it promised is stored.
                     let _ = self.ends.try_send(why);
                 }
@@ -569,14 +570,13 @@ impl Keep {
         self.node.leave(&self.remote.etcd);
     }
 
-    /// Why this node must stop serving, if it must.
-    fn renew(&mut self, sent: Instant) -> io::Result<Option<String>> {
+    fn renew(&mut self, sent: Instant) -> io::Result<Renewal> {
         let etcd = &self.remote.etcd;
         // Checked before the renewal: an earlier state may have the same owner.
         let revision = etcd.revision_now(&self.node.names.epoch())?;
         if revision < self.node.mark.revision {
             let seen = self.node.mark.revision;
-            return Ok(Some(format!(
+            return Ok(Renewal::Ends(format!(
                 "etcd was set back: it is at revision {revision}, and this node has seen {seen}"
             )));
         }
@@ -592,7 +592,10 @@ impl Keep {
             });
             let drained = etcd.get(&self.node.names.drained(&self.node.name))?;
             self.node.follow(revision);
-            return Ok(drained.map(|_| "this node is drained".to_owned()));
+            return Ok(match drained {
+                Some(_) => Renewal::Ends("this node is drained".to_owned()),
+                None => Renewal::Done,
+            });
         }
         // The lease has ended, for example while etcd was away for longer than it lasts. If nobody has taken over,
         // everything is as this node left it.
@@ -623,26 +626,45 @@ impl Keep {
                 created,
                 until: Right::until(sent, self.ttl),
             });
-            return Ok(None);
+            return Ok(Renewal::Done);
         }
         let _ = etcd.revoke(lease);
-        let owner = etcd.get(&owner_key)?;
-        let owner = owner
-            .map(|entry| parse::<Present>(&entry.value))
-            .transpose()?;
-        Ok(match owner {
-            Some(owner) if owner.epoch != self.epoch => Some(format!(
-                "{} has taken over (epoch {})",
-                owner.node, owner.epoch
-            )),
-            // Its own, from a request whose answer was lost: that lease ends too.
-            Some(_) => None,
+        Ok(match etcd.get(&owner_key)? {
+            Some(entry) => {
+                let owner: Present = parse(&entry.value)?;
+                if owner.epoch == self.epoch {
+                    // Its own, from a request whose answer was lost.
+                    self.node.lease = Some(Lease {
+                        id: owner.lease,
+                        renewed: sent,
+                    });
+                    let until = self.remote.right().until;
+                    self.remote.set_right(Right {
+                        created: entry.created,
+                        until,
+                    });
+                    Renewal::NotYet
+                } else {
+                    let (node, epoch) = (owner.node, owner.epoch);
+                    Renewal::Ends(format!("{node} has taken over (epoch {epoch})"))
+                }
+            }
             None => match etcd.get(&epoch_key)? {
-                Some(entry) if parse::<u64>(&entry.value)? == self.epoch => None,
-                _ => Some("another node has served since".to_owned()),
+                Some(entry) if parse::<u64>(&entry.value)? == self.epoch => Renewal::NotYet,
+                _ => Renewal::Ends("another node has served since".to_owned()),
             },
         })
     }
+}
+
+/// What became of an attempt to keep the lease.
+enum Renewal {
+    /// The node serves on.
+    Done,
+    /// Nobody else serves; the next attempt may succeed.
+    NotYet,
+    /// Why this node must stop serving.
+    Ends(String),
 }
 
 pub(super) fn parse<T: for<'a> Deserialize<'a>>(bytes: &[u8]) -> io::Result<T> {
