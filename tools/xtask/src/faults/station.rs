@@ -163,15 +163,22 @@ impl Stations {
 
     fn read_plan(&mut self, vehicle: usize) -> Result<Option<String>> {
         if self.plans[vehicle].unknown {
-            // Known again with the next plan that is accepted.
-            let plan = self.draw(Draw::Plan, vehicle);
-            let (done, printed) = self.work(vehicle, plan)?;
-            if !done {
-                return Ok(Some(format!(
-                    "vehicle {} accepts no plan: {printed}",
-                    vehicle + 1
-                )));
-            }
+            // Known again with the next plan that is accepted. A lease that has lapsed once more refuses it, with that reason.
+            let end = Instant::now() + WITHIN;
+            let plan = loop {
+                let plan = self.draw(Draw::Plan, vehicle);
+                let (done, printed) = self.work(vehicle, plan)?;
+                if done {
+                    break plan;
+                }
+                if Instant::now() > end {
+                    return Ok(Some(format!(
+                        "vehicle {} accepts no plan: {printed}",
+                        vehicle + 1
+                    )));
+                }
+                thread::sleep(Duration::from_millis(200));
+            };
             self.note(vehicle, plan, true);
         }
         let number = self.plans[vehicle].accepted;
