@@ -2,6 +2,7 @@
 
 use std::ffi::OsString;
 use std::io::{self, IsTerminal as _, Write};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
@@ -14,6 +15,7 @@ use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
 use tracing_subscriber::{EnvFilter, fmt};
 
 use crate::shell::log_pipe::LogPipe;
+use crate::shell::server::Gathering;
 
 /// Why the program ends with another status than 0.
 pub(crate) enum Failure {
@@ -51,9 +53,16 @@ pub(crate) fn end_on_panic() {
 /// One thread, sockets and timers.
 pub(crate) fn runtime() -> Result<Runtime, Failure> {
     // The machine runs on one thread; the tasks around it only move bytes.
-    Builder::new_current_thread()
-        .enable_all()
-        .build()
+    build(&mut Builder::new_current_thread())
+}
+
+/// The same, for a bridge: frames of vehicles may gather before the thread reads them.
+pub(crate) fn gathering_runtime(gathering: Arc<Gathering>) -> Result<Runtime, Failure> {
+    build(Builder::new_current_thread().on_thread_park(move || gathering.gather()))
+}
+
+fn build(builder: &mut Builder) -> Result<Runtime, Failure> {
+    (builder.enable_all().build())
         .context("no asynchronous runtime")
         .map_err(failed)
 }

@@ -1,13 +1,16 @@
 //! `vsm run`.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use crate::config::Config;
 use crate::shell::disk::{FileDisk, NativeFileSystem};
-use crate::shell::server::{Server, StartError};
+use crate::shell::server::{Gathering, Server, StartError};
 use crate::shell::service;
 
-use super::process::{Failure, LogFormat, announce, bad, failed, log, runtime, stop_signal};
+use super::process::{
+    Failure, LogFormat, announce, bad, failed, gathering_runtime, log, stop_signal,
+};
 use super::zeroize;
 
 pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
@@ -22,7 +25,8 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
     )?;
     // This can take minutes, so it is done now, and not when a vehicle waits for a node that takes over.
     service::while_busy(|| config.read_terrain(None)).map_err(bad)?;
-    let runtime = runtime()?;
+    let gathering = Arc::<Gathering>::default();
+    let runtime = gathering_runtime(gathering.clone())?;
     runtime.block_on(async {
         // The store's lock is taken first: a second bridge stops here, before it touches keys or sockets.
         let opened = match config.store.shared() {
@@ -46,6 +50,7 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
         })?;
         server.reload_from(path).map_err(failed)?;
         server.serve_until(owned.lease.clone());
+        server.gather_by(gathering);
         for warning in config.warnings() {
             tracing::warn!("{warning}");
         }

@@ -203,6 +203,17 @@ impl Fleet {
         None
     }
 
+    /// Whether [`poll_transmit`](Self::poll_transmit) has one.
+    pub(crate) fn has_frame(&mut self) -> bool {
+        while let Some(index) = self.may_send.first() {
+            if self.all.get(index).is_some_and(|one| one.link.has_frame()) {
+                return true;
+            }
+            self.may_send.take();
+        }
+        false
+    }
+
     /// The next change that the key files of a vehicle need, and its number.
     pub(crate) fn poll_key_change(&mut self) -> Option<(usize, KeyChange)> {
         while let Some(index) = self.may_change_key.first() {

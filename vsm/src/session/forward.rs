@@ -344,6 +344,10 @@ impl Forward {
         self.out.pop_front()
     }
 
+    pub(crate) fn has_frame(&self) -> bool {
+        !self.out.is_empty()
+    }
+
     pub(crate) fn status(&self, mono: Duration) -> ForwardStatus {
         let mut refused = self.counters.clone();
         let stats = self.link.stats();

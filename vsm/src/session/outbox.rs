@@ -425,6 +425,10 @@ impl Outbox {
     pub(crate) fn pop(&mut self) -> Option<Datagram> {
         self.queue.pop_front()
     }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.queue.is_empty()
+    }
 }
 
 /// Source, destination and type of a report.

@@ -474,6 +474,16 @@ impl Bridge {
         self.next_datagram()
     }
 
+    /// Whether anything may be there to be sent: where not, [`poll_vehicle`](Self::poll_vehicle), [`poll_dli`](Self::poll_dli),
+    /// [`poll_lift`](Self::poll_lift) and [`poll_forward`](Self::poll_forward) have nothing. Most frames of telemetry lead to nothing.
+    pub fn may_send(&mut self) -> bool {
+        self.aircraft.has_frame()
+            || !self.ed25.translated.is_empty()
+            || !self.outbox.is_empty()
+            || !self.guards.lifts.is_empty()
+            || self.forwards.iter().any(Forward::has_frame)
+    }
+
     /// The next frame for a vehicle: (index of the vehicle, frame).
     pub fn poll_vehicle(&mut self) -> Option<(usize, OutFrame)> {
         loop {

@@ -305,6 +305,10 @@ impl VehicleLink {
         self.out.pop_front()
     }
 
+    pub(crate) fn has_frame(&self) -> bool {
+        !self.out.is_empty()
+    }
+
     /// Turns reports of the services and the link into events and alerts.
     fn collect(&mut self, vehicle: &mut VehicleState, effects: &mut Effects<'_>) {
         let now = effects.dli.now.mono;

@@ -6,6 +6,7 @@ mod encryption;
 mod error;
 mod files;
 mod forward;
+mod gathering;
 mod guard_thread;
 mod guards;
 mod inbox;
@@ -20,12 +21,14 @@ mod web;
 mod zeroize;
 
 pub use error::StartError;
+pub use gathering::Gathering;
 
 use std::future::Future;
 use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::net::{TcpListener, UnixListener};
@@ -120,6 +123,11 @@ impl Server {
     /// node's lease of the VSM.
     pub fn serve_until(&mut self, lease: watch::Receiver<Option<Instant>>) {
         self.shared.core.borrow_mut().lease = lease;
+    }
+
+    /// Lets frames of vehicles gather by this, which the runtime that serves calls before it waits.
+    pub fn gather_by(&mut self, gathering: Arc<Gathering>) {
+        self.shared.core.borrow_mut().gathering = gathering;
     }
 
     /// Resolves the host names of a reload, on a separate thread, in place of the system's resolver.

@@ -1,6 +1,6 @@
 //! How a server opens its store, keys, sockets and recordings, before anything is sent.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::io;
 use std::net::SocketAddr;
 use std::rc::Rc;
@@ -171,8 +171,10 @@ impl Server {
                 guard_thread,
                 web: Clients::default(),
                 lease: watch::channel(None).1,
+                gathering: Arc::default(),
             }),
             outgoing: Notify::new(),
+            wakes_at: Cell::default(),
             timing: Notify::new(),
             stored,
             zeroize: Notify::new(),

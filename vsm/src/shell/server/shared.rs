@@ -1,6 +1,6 @@
 //! What all tasks of a server share: the machine with its store, recordings and keys, and the notifications between tasks.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -9,6 +9,7 @@ use mavlink_link::Now;
 use tokio::sync::{Notify, watch};
 
 use super::forward::OpenForward;
+use super::gathering::Gathering;
 use super::guard_thread::GuardThread;
 use crate::config::{Config, LinkAddress};
 use crate::key_exchange::{KeyExchange, Surroundings};
@@ -47,7 +48,9 @@ pub(super) struct Shared {
     pub(super) events: RefCell<Events>,
     /// Something waits to be sent.
     pub(super) outgoing: Notify,
-    /// The next timeout may have moved.
+    /// When the task that keeps time will look again. Where the next timeout has moved to later, it wakes up once in vain.
+    pub(super) wakes_at: Cell<Duration>,
+    /// The next timeout is before that.
     pub(super) timing: Notify,
     /// The disk has made something durable, or has failed to.
     pub(super) stored: Arc<Notify>,
@@ -96,6 +99,8 @@ pub(super) struct Core {
     pub(super) web: Clients,
     /// When this node's lease of the VSM ends, where several nodes share its store.
     pub(super) lease: watch::Receiver<Option<Instant>>,
+    /// Counts what arrives from vehicles.
+    pub(super) gathering: Arc<Gathering>,
 }
 
 impl Core {
@@ -158,6 +163,11 @@ impl Core {
     pub(super) fn agents_have_answered(&self) -> bool {
         let mut exchanges = self.exchanges.iter();
         exchanges.all(|(_, one)| one.zeroized().is_some())
+    }
+
+    /// Whether anything may be there to be sent. What encrypted links gather is sent as it is due.
+    fn may_send(&mut self) -> bool {
+        !self.encryptions.is_empty() || self.bridge.may_send()
     }
 
     /// When anything is next due.
@@ -231,8 +241,13 @@ impl Shared {
         if core.bridge.zeroize_to_store() {
             self.zeroize.notify_one();
         }
-        self.outgoing.notify_one();
-        self.timing.notify_one();
+        // Most frames of telemetry lead to nothing, and to wake a task costs more than to handle one.
+        if core.may_send() {
+            self.outgoing.notify_one();
+        }
+        if core.poll_timeout(now.mono) < self.wakes_at.get() {
+            self.timing.notify_one();
+        }
         done
     }
 

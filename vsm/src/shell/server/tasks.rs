@@ -106,7 +106,8 @@ pub(super) async fn receive_vehicle(
     close: Rc<Notify>,
 ) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
-    let mut turn = shared.clock.mono();
+    // How long datagrams were handled since others had their turn.
+    let mut busy = Duration::ZERO;
     loop {
         let received = async {
             tokio::select! {
@@ -120,6 +121,7 @@ pub(super) async fn receive_vehicle(
         };
         match received {
             Ok(first) => {
+                let began = shared.clock.mono();
                 shared.with(|core, now| {
                     // Many vehicles on a link mean many datagrams: their effects (timers, frames, reports) are handled once
                     // for all of them. Not where keys are agreed on: exchange messages are handled one by one.
@@ -136,12 +138,13 @@ pub(super) async fn receive_vehicle(
                         let more = (taken < at_once).then(|| reader.try_receive(&mut bytes));
                         next = more.flatten();
                     }
+                    core.gathering.count(taken);
                 });
                 // A socket that is never empty would occupy the thread.
-                let mono = shared.clock.mono();
-                if mono.saturating_sub(turn) >= TURN {
+                busy += shared.clock.mono().saturating_sub(began);
+                if busy >= TURN {
                     beat.during(tokio::task::yield_now()).await;
-                    turn = mono;
+                    busy = Duration::ZERO;
                 }
             }
             Err(cause) => pause_after("a vehicle's link", &cause).await,
@@ -517,6 +520,7 @@ pub(super) async fn keep_time(shared: Rc<Shared>, beat: Rc<Beat>) {
             beat.during(tokio::time::sleep(SHORTEST_WAIT)).await;
             continue;
         }
+        shared.wakes_at.set(due);
         let due = tokio::time::sleep_until(shared.clock.instant(due).into());
         beat.during(async {
             tokio::select! {
@@ -617,7 +621,7 @@ const LARGEST_DATAGRAM: usize = 65_536;
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 /// Datagrams of a vehicle link that are handled before their effects: under a millisecond.
-const AT_ONCE: usize = 32;
+const AT_ONCE: u64 = 32;
 /// Datagrams that are taken out of the DLI socket before the next is handled.
 const MAX_EMPTIED: usize = 1_024;
 /// How long the datagrams of a socket are handled before others get their turn.
