@@ -172,10 +172,10 @@ impl Stations {
                     break plan;
                 }
                 if Instant::now() > end {
-                    return Ok(Some(format!(
-                        "vehicle {} accepts no plan: {printed}",
-                        vehicle + 1
-                    )));
+                    // Behind the alerts that it printed before.
+                    let why = printed.lines().last().unwrap_or_default();
+                    let one = vehicle + 1;
+                    return Ok(Some(format!("vehicle {one} accepts no plan: {why}")));
                 }
                 thread::sleep(Duration::from_millis(200));
             };
