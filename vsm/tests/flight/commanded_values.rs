@@ -161,6 +161,57 @@ fn a_speed_on_a_circle_is_flown_before_it_is_acknowledged() {
 }
 
 #[test]
+fn an_altitude_alone_leaves_a_circle_as_it_is() {
+    let mut rig = Rig::ready();
+    rig.take_off(20.0);
+    let configured = |radius_m| LoiterConfiguration {
+        loiter_type: Some(LoiterType::Circular),
+        loiter_radius: Some(Scaled::saturating_from_si(radius_m)),
+        loiter_direction: Some(LoiterDirection::CounterClockwise),
+        ..LoiterConfiguration::default()
+    };
+    rig.done(configured(20.0));
+    rig.done(VehicleOperatingModeCommand {
+        commanded_speed: Some(Scaled::saturating_from_si(3.0)),
+        ..there(40.0, 0.0)
+    });
+    rig.run(40.0);
+    // The next circle; the present one stays.
+    rig.done(configured(60.0));
+    let before = states(&mut rig);
+    for above_home_m in [30.0, 15.0] {
+        rig.done(VehicleOperatingModeCommand {
+            altitude_command_type: Some(AltitudeCommandType::Altitude),
+            commanded_altitude: Some(Scaled::saturating_from_si(above_home_m)),
+            altitude_type: Some(AltitudeType::Agl),
+            ..VehicleOperatingModeCommand::default()
+        });
+        let height = |rig: &Rig| -rig.truth().position.d;
+        assert!(rig.until(60.0, |rig| (height(rig) - above_home_m).abs() < 1.0));
+        rig.run(10.0);
+        let truth = rig.truth();
+        assert_eq!(truth.mode, px4_sim::Mode::Orbit);
+        let from_centre_m = (truth.position.n - 40.0).hypot(truth.position.e);
+        assert!((from_centre_m - 20.0).abs() < 3.0, "{from_centre_m}");
+        let after = states(&mut rig);
+        assert_eq!(
+            after.commanded_loiter_position_latitude,
+            before.commanded_loiter_position_latitude
+        );
+        assert_eq!(after.commanded_speed, before.commanded_speed);
+        assert_ne!(after.commanded_altitude, before.commanded_altitude);
+    }
+    // The mode without a place stops the vehicle, and its station learns that no circle is flown.
+    rig.done(orders::mode(Mode::Loiter));
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Loiter);
+    assert!(
+        rig.station().has_alert(
+            "without a loiter position hovers here; the circle of 2017 needs a position"
+        )
+    );
+}
+
+#[test]
 fn nothing_in_flight_commands_an_altitude_below_home() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);

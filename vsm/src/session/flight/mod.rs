@@ -553,6 +553,7 @@ impl Flight {
             vtol_loiter_m: context.parameters.get("VTO_LOITER_ALT"),
         };
         let winged = situation.wings.is_some();
+        let hovers_instead = mode_command::hovers_instead(command, &situation);
         // A refused command changes nothing: the altimeter setting is stored only if the rest can be flown.
         let task = mode_command::task(command, &situation).and_then(|task| {
             self.set_altimeter(altimeter, origin, effects)
@@ -576,7 +577,8 @@ impl Flight {
             let names = ignored_fields::ignored_fields(command, mode, routed, winged);
             let place = format!(" in mode {}", mode.in_words());
             let text = ignored_fields::report(origin.message_type, &names, &place);
-            if let Some(text) = text {
+            let hovers_instead = hovers_instead.map(str::to_owned);
+            for text in text.into_iter().chain(hovers_instead) {
                 effects.answer(&[origin.station], text);
             }
         }

@@ -13,6 +13,7 @@ use stanag_msgs::enums::{
 };
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
+pub(crate) use self::loiter::hovers_instead;
 use self::loiter::{flown_over, loiter};
 pub(crate) use self::route::restarts_route;
 use self::route::{fly, is_current};

@@ -6,6 +6,7 @@ use mapping::limits::{HeightError, disc};
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::route::check_way;
+use mapping::telemetry::Orbit;
 use stanag_msgs::enums::{
     AltitudeCommandType, FlightPathControlMode as Mode, LoiterDirection, SpeedType,
 };
@@ -26,6 +27,8 @@ struct Draft {
     speed_m_s: Option<f64>,
     /// The command names the mode: the loiter uses the present configuration.
     restarts: bool,
+    /// The circle of a multicopter that stays as it is.
+    circle: Option<Orbit>,
 }
 
 /// Mode 12: here or at a place, at an altitude, hovering or on a circle.
@@ -35,13 +38,18 @@ pub(super) fn loiter(
 ) -> Result<Task, String> {
     let speed = speed(command, &at.performance)?;
     let place = place(command, at)?;
-    let pattern = settings::pattern(at.loiter, at.telemetry.airframe())?;
-    let level = match altitude(command) {
+    let mut pattern = settings::pattern(at.loiter, at.telemetry.airframe())?;
+    let (level, circle) = match altitude(command) {
         Some(metres) => {
-            let over = flown_over(place, pattern, command, at)?;
-            Some(checked_level(metres, command, &over, at)?)
+            let circle = kept_circle(place, command, at)?;
+            let centre = circle.map(|circle| (circle.centre.latitude, circle.centre.longitude));
+            if let Some(circle) = circle {
+                pattern = Pattern::Circle(circle.radius_m.abs());
+            }
+            let over = flown_over(place.or(centre), pattern, command, at)?;
+            (Some(checked_level(metres, command, &over, at)?), circle)
         }
-        None => None,
+        None => (None, None),
     };
     if let (None, Some(kind)) = (level, command.altitude_command_type)
         && !matches!(
@@ -64,6 +72,7 @@ pub(super) fn loiter(
         },
         speed_m_s: speed,
         restarts: names_mode(command),
+        circle,
     };
     // A VTOL hovers or circles on its wings, as the loiter requires: it transitions first.
     let hovers = wings::transition_for(pattern, names_mode(command), at, &mut draft.steps)?;
@@ -84,6 +93,34 @@ pub(super) fn loiter(
         commanded.speed_type = Some(flown_as(hovers));
     }
     Ok(Task::Steps(steps, commanded))
+}
+
+/// What a station is sent where a multicopter hovers although 2017 has configured a circle.
+///
+/// The mode without a place is how operators stop a vehicle: a circle around the present position would fly it away first.
+pub(crate) fn hovers_instead(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Option<&'static str> {
+    let named = command.select_flight_path_control_mode == Some(Mode::Loiter);
+    let pattern = settings::pattern(at.loiter, at.telemetry.airframe());
+    let circle = matches!(pattern, Ok(Pattern::Circle(_)));
+    let here = matches!(place(command, at), Ok(None));
+    (named && circle && here && at.wings.is_none())
+        .then_some("2016: mode 12 (loiter) without a loiter position hovers here; the circle of 2017 needs a position")
+}
+
+/// The circle of a multicopter that an altitude alone leaves as it is, whatever 2017 has configured since: DO_REPOSITION
+/// would end it.
+fn kept_circle(
+    place: Option<(f64, f64)>,
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Result<Option<Orbit>, String> {
+    if place.is_some() || names_mode(command) || at.settled_mode() != Some(Px4Mode::ORBIT) {
+        return Ok(None);
+    }
+    flown_circle(at).map(Some)
 }
 
 /// The places that a loiter passes over, for a height above the ground: only that needs the vehicle's position.
@@ -157,6 +194,10 @@ fn go(
         .telemetry
         .position
         .ok_or("the vehicle has not reported a position yet")?;
+    let centre = draft
+        .circle
+        .map(|circle| (circle.centre.latitude, circle.centre.longitude));
+    let place = place.or(centre);
     let home = at.telemetry.home.ok_or("home is not known yet")?;
     // Without a commanded altitude the vehicle flies there at its present one, which may be below home after manual flight.
     let level = level.unwrap_or(Level::Amsl(present.amsl_m));
@@ -179,8 +220,9 @@ fn go(
         && at.settled_mode() == Some(Px4Mode::LOITER)
         && draft.steps.is_empty()
         && !hovers;
+    let keeps = keeps && !draft.restarts;
     match (place.or((!hovers).then_some(here)), pattern) {
-        _ if keeps && !draft.restarts => draft.steps.extend(maneuver::change_altitude(amsl_m)),
+        _ if keeps => draft.steps.extend(maneuver::change_altitude(amsl_m)),
         (Some(place), Pattern::FigureEight(shape)) => {
             if let (Some(wings), [_, Some(radius_m), _]) = (&at.wings, shape) {
                 wings::check_circle(wings, radius_m, draft.speed_m_s, at)?;
@@ -190,11 +232,13 @@ fn go(
                 .extend(maneuver::figure_eight(place, amsl_m, shape));
         }
         (Some(place), Pattern::Circle(radius_m)) => {
-            let turn = match at.loiter.loiter_direction {
-                Some(LoiterDirection::CounterClockwise) => -radius_m,
-                _ => radius_m,
+            let turn = match (draft.circle, at.loiter.loiter_direction) {
+                (Some(circle), _) => circle.radius_m,
+                (None, Some(LoiterDirection::CounterClockwise)) => -radius_m,
+                (None, _) => radius_m,
             };
-            let speed = draft.speed_m_s;
+            let kept = draft.circle.and(draft.commanded.speed_m_s);
+            let speed = draft.speed_m_s.or(kept);
             if let Some(wings) = at.wings.as_ref().filter(|_| !hovers) {
                 wings::check_circle(wings, radius_m, speed, at)?;
             }
@@ -218,16 +262,22 @@ fn go(
         }
     }
     draft.commanded.altitude_amsl_m = Some(amsl_m);
-    draft.commanded.loiter_position = place;
+    // What stays where it is stays where it was commanded: the vehicle reports the place of its circle rounded.
+    if !keeps && draft.circle.is_none() {
+        draft.commanded.loiter_position = place;
+    }
     Ok(())
+}
+
+/// The circle that a multicopter flies.
+fn flown_circle(at: &Situation<'_>) -> Result<Orbit, String> {
+    let orbit = at.telemetry.orbit;
+    orbit.ok_or_else(|| "the vehicle has not reported the circle that it flies".to_owned())
 }
 
 /// The present circle at another speed.
 fn faster_or_slower(speed_m_s: f64, at: &Situation<'_>) -> Result<Vec<Step>, String> {
-    let orbit = at
-        .telemetry
-        .orbit
-        .ok_or("the vehicle has not reported the circle that it flies")?;
+    let orbit = flown_circle(at)?;
     within_the_circle(Some(speed_m_s), orbit.radius_m.abs())?;
     let centre = (orbit.centre.latitude, orbit.centre.longitude);
     // The reported altitude is that of this moment: on the way to its circle, commanding it would end the climb there.
