@@ -22,7 +22,7 @@ use crate::field::Field;
 use crate::scalar::{FineAngularRate, Integer};
 use crate::table::messages::PositiveHandoverAuthorisationGranted as Message5;
 use crate::table::{self, Message};
-use crate::wrapper::{self, Envelope, Frames, Sum16Variant, frames_with};
+use crate::wrapper::{self, Envelope, Frames, Header, Sum16Variant, frames_with};
 
 /// How a peer reads what [`DISPUTED`] lists.
 #[derive(Clone, Debug, PartialEq)]
@@ -180,7 +180,8 @@ impl Profile {
     }
 
     /// [`Profile::encode`] with a full presence vector, for a peer that accepts no other: absent fields are zeros
-    /// ([`fill`](table::fill)). A message with a field of unknown length is written without this.
+    /// ([`fill`](table::fill)). A message with a field of unknown length is written without this. For IDD version 30 the vector
+    /// ends with the last field of Edition 3 ([`in_edition_3`](table::in_edition_3)).
     ///
     /// # Errors
     /// As [`Message::encode`].
@@ -199,10 +200,14 @@ impl Profile {
         let mut partial = [0; wrapper::MAX_DATA];
         let length = translated.encode_data(&mut partial)?;
         let partial = partial.get(..length).unwrap_or_default();
+        let of_edition_3 = || table::edition_3_fields(info.id);
+        let cut = (envelope.idd == Header::IDD_ED3).then(of_edition_3);
+        let count = cut.flatten().unwrap_or(info.fields.len());
         wrapper::encode_with(self.checksum_1, info.id, envelope, out, |out| {
             self.put_data(info.id, out, |out| {
                 let available = out.len();
-                table::fill(info, partial, out).ok_or(EncodeError::BufferTooSmall { available })
+                table::fill_first(info, count, partial, out)
+                    .ok_or(EncodeError::BufferTooSmall { available })
             })
         })
     }

@@ -188,13 +188,23 @@ pub fn select(message: &Message, presence: u64) -> Message {
 /// For peers that accept only full presence vectors. The caller has to decide whether a zero in an absent field would
 /// claim something false.
 pub fn fill(info: &'static MessageInfo, data: &[u8], out: &mut [u8]) -> Option<usize> {
+    fill_first(info, info.fields.len(), data, out)
+}
+
+/// [`fill`] with the first `count` fields, for a peer whose edition has no others.
+pub(crate) fn fill_first(
+    info: &'static MessageInfo,
+    count: usize,
+    data: &[u8],
+    out: &mut [u8],
+) -> Option<usize> {
     let head = usize::from(info.presence_bytes);
-    let all = (1_u64 << info.fields.len()) - 1;
+    let all = (1_u64 << count) - 1;
     out.get_mut(..head)?
         .copy_from_slice(all.to_be_bytes().get(8 - head..)?);
     let mut present = walk(info, data).peekable();
     let mut end = head;
-    for field in info.fields {
+    for field in info.fields.get(..count)? {
         let bytes = field.wire.bytes()?;
         let place = out.get_mut(end..end + bytes)?;
         match present.next_if(|next| matches!(next, Ok((known, _)) if known.bit == field.bit)) {
@@ -206,6 +216,19 @@ pub fn fill(info: &'static MessageInfo, data: &[u8], out: &mut [u8]) -> Option<u
     }
     // A further item is an error.
     present.next().is_none().then_some(end)
+}
+
+/// How many fields Edition 3 has of a message that has more in Edition 4: the text of Edition 3 ends 3002 with Thrust.
+#[must_use]
+pub fn edition_3_fields(id: u16) -> Option<usize> {
+    (id == messages::VehicleOperatingStates::ID).then_some(19)
+}
+
+/// A message without the fields that Edition 3 does not have; `None` where it has them all.
+#[must_use]
+pub fn in_edition_3(message: &Message) -> Option<Message> {
+    let count = edition_3_fields(message.id())?;
+    Some(select(message, (1 << count) - 1))
 }
 
 /// Whether the sender has left out a field of this message, and so uses partial presence vectors.

@@ -10,6 +10,7 @@
 
 use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::PresenceVectorSupport;
+use stanag_msgs::table;
 use stanag_msgs::wrapper::Header;
 use stanag_msgs::{ChecksumStyle, EncodeError, Envelope, Id, Message, Profile};
 
@@ -216,6 +217,11 @@ impl StationProfile {
         envelope: &Envelope,
         out: &mut [u8],
     ) -> Result<usize, EncodeError> {
+        // A decoder that knows the fields of Edition 3 alone drops a message with a bit beyond them, and the whole state with
+        // it.
+        let cut = (self.edition() == Edition::Ed3).then(|| table::in_edition_3(message));
+        let cut = cut.flatten();
+        let message = cut.as_ref().unwrap_or(message);
         // Edition 2.5 has no vectors: its border fills in by rules of its own.
         let full = self.edition() != Edition::Ed25 && self.takes_full_vectors();
         if full && !is_of_route(message) {
@@ -367,6 +373,40 @@ mod tests {
         );
         let states = Message::from(VehicleOperatingStates::default());
         assert_eq!(bytes(&states), 16 + states.info().full_bytes());
+    }
+
+    /// A 3002 with every field, and one with those of a mission alone.
+    #[test]
+    fn edition_3_is_sent_no_field_that_it_does_not_have() {
+        let mission = VehicleOperatingStates {
+            thrust: Some(40),
+            commanded_loiter_position_latitude: Some(Bam32::from_degrees(47.0)),
+            commanded_waypoint_number: Some(7),
+            ..VehicleOperatingStates::default()
+        };
+        for presence in ["full", "partial"] {
+            for (edition, fields) in [("3", 19), ("4", 24)] {
+                let keys = format!("presence = \"{presence}\"\nedition = \"{edition}\"");
+                let to = profile(&keys);
+                let mut out = [0; stanag_msgs::MAX_DATAGRAM];
+                let envelope = to.envelope(VSM, CUCS);
+                let length = to
+                    .encode(&mission.clone().into(), &envelope, &mut out)
+                    .expect("it fits");
+                let data = &out[16..length];
+                let vector = u32::from_be_bytes([0, data[0], data[1], data[2]]);
+                let last = 32 - vector.leading_zeros();
+                assert_eq!(last, fields, "{presence} {edition}");
+                assert_eq!(vector.count_ones() == fields, presence == "full");
+                let read = to.readings.decode(3002, data).expect("a message");
+                let Message::VehicleOperatingStates(read) = read else {
+                    panic!("{read:?}")
+                };
+                assert_eq!(read.thrust, Some(40));
+                let number = (edition == "4").then_some(7);
+                assert_eq!(read.commanded_waypoint_number, number);
+            }
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use mapping::support::{self, In25, MessageSupport, Received};
 use mavlink::Message as _;
 use mavlink_link::dialect::MavMessage;
 use stanag_msgs::ed25;
-use stanag_msgs::table::{Direction, FieldInfo, MESSAGES, MessageInfo};
+use stanag_msgs::table::{self, Direction, FieldInfo, MESSAGES, MessageInfo};
 
 /// `docs/reference/support.md`; `place` is the file and heading of a message's description.
 pub(super) fn markdown(place: impl Fn(&MessageInfo) -> String) -> String {
@@ -90,11 +90,12 @@ fn no_layout(page: &mut String) {
 }
 
 /// Whether a station of Edition 3 has the message.
-fn edition_3(id: u16) -> &'static str {
-    match id {
-        4 | 5 => "none",
-        3002 => "fields 1 to 19",
-        _ => "the same",
+fn edition_3(id: u16) -> String {
+    match (id, table::edition_3_fields(id)) {
+        (4, _) => "none: taken and sent all the same; 16000 informs the holder too".to_owned(),
+        (5, _) => "none: sent all the same; 35000 reports the same".to_owned(),
+        (_, Some(count)) => format!("fields 1 to {count}"),
+        (_, None) => "the same".to_owned(),
     }
 }
 
