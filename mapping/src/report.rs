@@ -3,7 +3,10 @@
 //! A field that the vehicle has not reported is absent, never zero.
 
 use mavlink_link::dialect::{MavLandedState, MavState, MavVtolState, MissionState};
-use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, SpeedType, UaState};
+use stanag_msgs::enums::{
+    AltitudeCommandType, AltitudeType, FlightPathControlMode, HeadingCommandType, SpeedType,
+    UaState,
+};
 use stanag_msgs::messages::{
     FromToNextWaypointStates, InertialStates, VehicleOperatingModeReport, VehicleOperatingStates,
 };
@@ -120,6 +123,9 @@ pub fn operating_states(
     let (altitude_type, offset_m) = reference(vehicle);
     states.commanded_altitude = scaled(commanded.altitude_amsl_m.map(|m| m + offset_m));
     states.altitude_type = states.commanded_altitude.and(Some(altitude_type));
+    states.altitude_command_type = states
+        .commanded_altitude
+        .and(Some(AltitudeCommandType::Altitude));
     if let Some((speed_m_s, kind)) = commanded_speed(vehicle, commanded, compiled)
         && let Ok(speed) = Scaled::from_si(speed_m_s)
     {
@@ -138,9 +144,18 @@ pub fn operating_states(
         Some(CommandedDirection::Steady { heading, course }) => {
             states.commanded_heading = heading;
             states.commanded_course = course;
+            states.heading_command_type = match (heading, course) {
+                (Some(_), Some(_)) => Some(HeadingCommandType::HeadingAndCourse),
+                (Some(_), None) => Some(HeadingCommandType::Heading),
+                (None, Some(_)) => Some(HeadingCommandType::Course),
+                (None, None) => None,
+            };
         }
         Some(CommandedDirection::Turning(rate)) => {
             states.commanded_turn_rate = scaled(Some(rate));
+            states.heading_command_type = states
+                .commanded_turn_rate
+                .and(Some(HeadingCommandType::TurnRate));
         }
         None => {}
     }

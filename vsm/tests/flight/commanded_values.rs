@@ -249,6 +249,8 @@ fn a_direction_is_reported_as_it_was_commanded_and_ends_with_mode_15() {
     let turning = states(&mut rig);
     assert_eq!(turning.commanded_turn_rate, Some(Scaled::from_raw(500)));
     assert_eq!(turning.commanded_heading, None);
+    let kind = |states: &VehicleOperatingStates| states.heading_command_type;
+    assert_eq!(kind(&turning), Some(HeadingCommandType::TurnRate));
     // A speed alone turns nothing.
     rig.done(at_speed(Mode::Autopilot, 3.0));
     let turning = states(&mut rig);
@@ -258,6 +260,48 @@ fn a_direction_is_reported_as_it_was_commanded_and_ends_with_mode_15() {
     assert_eq!(steady.commanded_turn_rate, None);
     assert_eq!(steady.commanded_heading, Some(Bam16::from_degrees(90.0)));
     assert_eq!(steady.commanded_course, None);
+    assert_eq!(kind(&steady), Some(HeadingCommandType::Heading));
+    rig.done(VehicleOperatingModeCommand {
+        commanded_course: Some(Bam16::from_degrees(180.0)),
+        ..turn(HeadingCommandType::HeadingAndCourse)
+    });
+    let both = states(&mut rig);
+    assert_eq!(kind(&both), Some(HeadingCommandType::HeadingAndCourse));
     rig.done(orders::mode(Mode::Loiter));
-    assert_eq!(states(&mut rig).commanded_heading, None);
+    let held = states(&mut rig);
+    assert_eq!((held.commanded_heading, kind(&held)), (None, None));
+}
+
+/// Altitude Command Type: with the altitude of the present mode, and absent without one.
+#[test]
+fn an_altitude_is_reported_as_commanded_in_the_mode_that_flies_it() {
+    let mut rig = Rig::ready();
+    rig.take_off(20.0);
+    let to = |mode, above_home_m| VehicleOperatingModeCommand {
+        altitude_command_type: Some(AltitudeCommandType::Altitude),
+        commanded_altitude: Some(Scaled::saturating_from_si(above_home_m)),
+        altitude_type: Some(AltitudeType::Agl),
+        ..orders::mode(mode)
+    };
+    let reported = |rig: &mut Rig| {
+        let states = states(rig);
+        let altitude_m = states.commanded_altitude.map(|altitude| altitude.si());
+        (altitude_m.is_some(), states.altitude_command_type)
+    };
+    let commanded = (true, Some(AltitudeCommandType::Altitude));
+    rig.done(to(Mode::Loiter, 30.0));
+    assert_eq!(reported(&mut rig), commanded);
+    // On entry to mode 15 the vehicle keeps the altitude that it has: that of mode 12 is not flown.
+    rig.done(at_speed(Mode::Autopilot, 3.0));
+    assert_eq!(reported(&mut rig), (false, None));
+    rig.done(to(Mode::Autopilot, 25.0));
+    assert_eq!(reported(&mut rig), commanded);
+    rig.done(VehicleOperatingModeCommand {
+        altitude_command_type: Some(AltitudeCommandType::VerticalSpeed),
+        commanded_vertical_speed: Some(Scaled::saturating_from_si(1.0)),
+        ..orders::mode(Mode::Autopilot)
+    });
+    assert_eq!(reported(&mut rig), (false, None));
+    rig.done(orders::mode(Mode::Loiter));
+    assert_eq!(reported(&mut rig), (false, None));
 }

@@ -692,9 +692,21 @@ impl Flight {
         context: &Context<'_>,
         origin: Option<Origin>,
         order: steering::Order,
-        commanded: Commanded,
+        mut commanded: Commanded,
         effects: &mut Effects<'_>,
     ) {
+        // A command that arrives while the mode is being entered adds to the one before, as its set points do.
+        if let Some((_, running)) = &self.maneuver
+            && running.enters(Px4Mode::OFFBOARD)
+        {
+            let mut both = running.commanded;
+            both.keep(&commanded);
+            if order.vertical.is_some() {
+                // A vertical speed has replaced an altitude.
+                both.altitude_amsl_m = commanded.altitude_amsl_m;
+            }
+            commanded = both;
+        }
         let telemetry = &context.vehicle.telemetry;
         // The reported mode is not enough: a HEARTBEAT from before a hold that was just commanded still shows OFFBOARD, and
         // a change of the set points alone would be acknowledged while the vehicle holds.

@@ -225,7 +225,12 @@ fn steer(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Ta
     }
     let rate = command.commanded_vertical_speed.map(|rate| rate.si());
     let altitude_m = command.commanded_altitude.map(|altitude| altitude.si());
-    let mut commanded = at.commanded;
+    // On entry the vehicle keeps its present motion, whatever was commanded in the mode before.
+    let mut commanded = if at.settled_mode() == Some(Px4Mode::OFFBOARD) {
+        at.commanded
+    } else {
+        Commanded::default()
+    };
     let vertical = match command.altitude_command_type {
         Some(AltitudeCommandType::None) => None,
         None if altitude_m.is_none() => None,
