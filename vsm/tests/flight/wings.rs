@@ -1,18 +1,18 @@
 //! Wings: the landing pattern of the configuration, the loss of the controlling station in it and in a transition, and a VTOL
 //! that drops out of its wings. Whole flights are flown by `tests/interop/wings.py`.
 
-use kit::bridge::{Rig, Setup, orders};
+use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use px4_sim::{Airframe, Config, HealthFaults, Mode as Px4, VtolState};
 use stanag_msgs::enums::{
-    AckType, FlightPathControlMode as Mode, LoiBitmap, LoiterType, MissionPlanMode,
-    RequestedAccess, RouteType,
+    AckType, FlightPathControlMode as Mode, HeadingCommandType, LoiBitmap, LoiterType,
+    MissionPlanMode, RequestedAccess, RouteType,
 };
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, LoiterConfiguration, MissionTransferCommand,
     PositiveHandoverAuthorisationRequest, UaRoute, VehicleOperatingModeCommand,
     VehicleSpecificWaypoint,
 };
-use stanag_msgs::{Message, Text};
+use stanag_msgs::{Bam16, Message, Scaled, Text};
 
 fn winged(airframe: Airframe, tables: &'static str) -> Rig {
     Rig::ready_with(Setup {
@@ -359,6 +359,47 @@ fn a_wing_that_is_steered_right_after_a_hold_is_steered() {
         rig.run(3.0);
         assert_eq!(rig.truth().mode, Px4::Course, "{wait_s} s");
     }
+}
+
+/// 3002 has the course that is flown, for as long as it is.
+#[test]
+fn a_steered_wing_reports_its_commanded_course() {
+    let mut rig = steered("");
+    let reported = |rig: &mut Rig| {
+        rig.run(0.6);
+        let states = rig
+            .station()
+            .last(vehicle_id(0), 3002, |message| match message {
+                Message::VehicleOperatingStates(states) => Some(states.clone()),
+                _ => None,
+            });
+        let states = states.expect("a 3002");
+        (states.commanded_course, states.heading_command_type)
+    };
+    assert_eq!(reported(&mut rig), (None, None));
+    let south = Bam16::from_degrees(180.0);
+    rig.done(VehicleOperatingModeCommand {
+        heading_command_type: Some(HeadingCommandType::Course),
+        commanded_course: Some(south),
+        ..orders::mode(Mode::Autopilot)
+    });
+    let flown = (Some(south), Some(HeadingCommandType::Course));
+    assert_eq!(reported(&mut rig), flown);
+    // A speed alone turns nothing, and a refused direction changes nothing.
+    rig.done(VehicleOperatingModeCommand {
+        commanded_speed: Some(Scaled::saturating_from_si(16.0)),
+        ..orders::mode(Mode::Autopilot)
+    });
+    assert_eq!(reported(&mut rig), flown);
+    let refused = rig.carry_out(VehicleOperatingModeCommand {
+        heading_command_type: Some(HeadingCommandType::Heading),
+        commanded_heading: Some(Bam16::from_degrees(90.0)),
+        ..orders::mode(Mode::Autopilot)
+    });
+    assert_eq!(refused, Some(AckType::Refused));
+    assert_eq!(reported(&mut rig), flown);
+    rig.done(orders::mode(Mode::Loiter));
+    assert_eq!(reported(&mut rig), (None, None));
 }
 
 #[test]

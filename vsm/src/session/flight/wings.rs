@@ -291,6 +291,7 @@ pub(super) fn steer(
     }
     if let Some(course_rad) = course_rad {
         steps.extend(maneuver::course(course_rad.rem_euclid(TAU)));
+        commanded.direction = steering::reported(command);
     }
     Ok(Task::Steps(steps, commanded))
 }
