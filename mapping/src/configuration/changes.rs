@@ -4,7 +4,8 @@
 //! 2017), and the mode that the vehicle is in. 44001 reports the floats among the vehicle's controls
 //! ([`super::Controls`]).
 //!
-//! Modes 11 and 21 can be commanded at times only: 44003 reports when ([`Available`]).
+//! Modes 11, 15, 20 and 21 can be commanded at times only: 44003 reports when ([`Available`]). Mode 2 needs sticks (2010)
+//! beforehand, which is up to the station itself.
 
 use stanag_msgs::Message;
 use stanag_msgs::enums::{EnumIndexEnable, FieldAvailable, FlightPathControlMode};
@@ -83,10 +84,14 @@ fn field(message: u16, name: &str) -> Option<&'static table::FieldInfo> {
 /// Which modes can be commanded now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Available {
+    /// 11: a route is loaded, and a vehicle with wings is in the air.
+    pub waypoint: bool,
+    /// 15: the vehicle is in the air.
+    pub autopilot: bool,
+    /// 20: the vehicle lands.
+    pub wave_off: bool,
     /// 21: the vehicle is on the ground.
     pub launch: bool,
-    /// 11: a route is loaded.
-    pub waypoint: bool,
 }
 
 impl Available {
@@ -106,9 +111,11 @@ impl Available {
             .map(|((mode, available), _)| availability(mode, available))
     }
 
-    fn states(self) -> [(FlightPathControlMode, bool); 2] {
+    fn states(self) -> [(FlightPathControlMode, bool); 4] {
         [
             (FlightPathControlMode::Waypoint, self.waypoint),
+            (FlightPathControlMode::Autopilot, self.autopilot),
+            (FlightPathControlMode::AutolandWaveOff, self.wave_off),
             (FlightPathControlMode::Launch, self.launch),
         ]
     }

@@ -188,26 +188,70 @@ fn the_answers_are_of_this_vehicle() {
 #[test]
 fn modes_that_come_and_go_are_reported_to_those_that_requested_them() {
     let (mut rig, _) = configured();
-    let launch = |rig: &Rig| {
-        let alert = rig.station().received.iter().rev();
-        alert
-            .filter_map(|(_, _, message)| match message {
-                Message::MessageParameterAvailability(MessageParameterAvailability {
-                    reported_message: Some(2016),
-                    reported_enumerated_index: Some(21),
-                    enumerated_index_enable,
-                    ..
-                }) => *enumerated_index_enable,
-                _ => None,
-            })
-            .next()
+    // Steering, a wave-off and a launch.
+    const CHANGING: [u8; 3] = [15, 20, 21];
+    let shows = |rig: &mut Rig, within_s, expected: &[u8]| {
+        let so = rig.until(within_s, |rig| available(rig, &CHANGING) == expected);
+        assert!(so, "{:?} {expected:?}", available(rig, &CHANGING));
     };
-    assert_eq!(launch(&rig), Some(EnumIndexEnable::Available));
+    // What is reported as unavailable is refused.
+    let refused = |rig: &mut Rig, mode| {
+        assert_eq!(rig.carry_out(orders::mode(mode)), Some(AckType::Refused));
+    };
+    shows(&mut rig, 1.0, &[21]);
+    refused(&mut rig, Mode::Autopilot);
+    refused(&mut rig, Mode::AutolandWaveOff);
     rig.done(orders::launch(10.0));
-    assert!(rig.until(10.0, |rig| launch(rig)
-        == Some(EnumIndexEnable::Unavailable)));
+    shows(&mut rig, 10.0, &[15]);
+    refused(&mut rig, Mode::AutolandWaveOff);
     rig.done(orders::mode(Mode::AutolandEngage));
-    assert!(rig.until(60.0, |rig| launch(rig) == Some(EnumIndexEnable::Available)));
+    shows(&mut rig, 3.0, &[15, 20]);
+    shows(&mut rig, 60.0, &[21]);
+}
+
+/// Those of these modes whose last 44003 has reported them as available.
+fn available(rig: &Rig, modes: &[u8]) -> Vec<u8> {
+    let enable = |mode: u8| {
+        let mut latest = rig.station().received.iter().rev();
+        latest.find_map(|(_, _, message)| match message {
+            Message::MessageParameterAvailability(MessageParameterAvailability {
+                reported_message: Some(2016),
+                reported_enumerated_index: Some(index),
+                enumerated_index_enable,
+                ..
+            }) if *index == mode => *enumerated_index_enable,
+            _ => None,
+        })
+    };
+    let modes = modes.iter().copied();
+    modes
+        .filter(|mode| enable(*mode) == Some(EnumIndexEnable::Available))
+        .collect()
+}
+
+#[test]
+fn a_wing_on_the_ground_is_offered_no_route_before_its_launch() {
+    let mut rig = Rig::ready_with(Setup {
+        vehicles: vec![px4_sim::Config {
+            airframe: px4_sim::Airframe::Plane,
+            ..px4_sim::Config::default()
+        }],
+        vehicle_keys: "landing = { course_deg = 90.0, height_m = 40.0 }",
+        ..Setup::default()
+    });
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 300.0, 0.0, 60.0).into(),
+        orders::waypoint(2, 0, 600.0, 300.0, 60.0).into(),
+    ]);
+    rig.done(orders::load());
+    rig.done(ask(ConfigRequestType::Loi4));
+    rig.run(2.0);
+    assert_eq!(available(&rig, &[11, 21]), [21]);
+    let early = rig.carry_out(orders::mode(Mode::Waypoint));
+    assert_eq!(early, Some(AckType::Refused));
+    rig.take_off(50.0);
+    assert_eq!(available(&rig, &[11, 21]), [11]);
 }
 
 #[test]

@@ -10,6 +10,7 @@ use mapping::airframe::Airframe;
 use mapping::configuration::changes::Available;
 use mapping::configuration::{self, Level, Request, Scope, Subject, ValuesBy};
 use mapping::limits::Performance;
+use mapping::mode::Px4Mode;
 use mapping::parameter::{NAMES, Parameters};
 use mapping::parameter_metadata::ParameterMetadata;
 use mavlink_link::service::param::{Name, Value};
@@ -416,10 +417,25 @@ impl Configuration {
     }
 }
 
+/// What flight accepts now, as far as the vehicle has reported it. An unavailable mode may not be offered by a station: one
+/// that is commanded and not shown yet changes nothing here before the vehicle shows it.
 fn available_modes(context: &Context<'_>, mission: &MissionView<'_>) -> Available {
+    let telemetry = &context.vehicle.telemetry;
+    let route = mission.uploaded.or(mission.loaded).is_some();
+    let lands = || {
+        let seq = telemetry.mission?.seq;
+        Some(mission.uploaded?.compiled.lands(seq))
+    };
     Available {
-        launch: !context.vehicle.telemetry.airborne(),
-        waypoint: mission.uploaded.is_some(),
+        waypoint: route && !(telemetry.airframe().has_wings() && telemetry.stands()),
+        autopilot: telemetry.airborne(),
+        wave_off: match telemetry.mode {
+            Some(Px4Mode::LAND) => !(telemetry.hovers() && telemetry.stands()),
+            Some(Px4Mode::MISSION) => lands() == Some(true),
+            _ => false,
+        },
+        // Before it has reported where it is, it may be in the air.
+        launch: telemetry.landed.is_some() && !telemetry.airborne(),
     }
 }
 
