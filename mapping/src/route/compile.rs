@@ -584,6 +584,37 @@ mod tests {
     use super::super::curves_become_chords::site;
     use super::*;
 
+    /// What a full presence vector carries for nothing.
+    #[test]
+    fn a_speed_of_0_is_none_whatever_its_type() {
+        use stanag_msgs::enums::WaypointSpeedType;
+        let site = site();
+        let compiled = |speed_m_s: f64, kind| {
+            let mut plan = Plan::default();
+            let waypoint = Message::UaPositionWaypoint(UaPositionWaypoint {
+                waypoint_number: Some(1),
+                waypoint_to_latitude_or_relative_y: Some(Bam32::from_degrees(
+                    site.home.latitude + 1e-3,
+                )),
+                waypoint_to_longitude_or_relative_x: Some(Bam32::from_degrees(site.home.longitude)),
+                waypoint_to_altitude: Scaled::from_si(30.0).ok(),
+                waypoint_altitude_type: Some(AltitudeType::Agl),
+                waypoint_to_speed: Scaled::from_si(speed_m_s).ok(),
+                waypoint_speed_type: Some(kind),
+                ..UaPositionWaypoint::default()
+            });
+            plan.store(&waypoint, Id(1), Id(2)).unwrap();
+            compile_within(&plan, 1, &site).map(|compiled| compiled.order[0].speed_m_s)
+        };
+        let unknown = WaypointSpeedType::Unknown(9);
+        for kind in [WaypointSpeedType::Indicated, unknown] {
+            assert_eq!(compiled(0.0, kind).unwrap(), None);
+        }
+        let speed_m_s = compiled(5.0, WaypointSpeedType::Indicated).unwrap();
+        assert_eq!(speed_m_s, Some(5.0));
+        assert!(compiled(5.0, unknown).is_err());
+    }
+
     #[test]
     fn a_route_ends_with_next_waypoint_0_and_with_no_other_number() {
         let site = site();

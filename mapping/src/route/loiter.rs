@@ -135,7 +135,9 @@ fn speed(
     hovers: bool,
     performance: &Performance,
 ) -> Result<Option<f64>, Reason> {
-    let Some(speed_m_s) = requested.loiter_speed.map(|speed| speed.si()) else {
+    // A full presence vector carries 0 for no speed.
+    let commanded = requested.loiter_speed.map(|speed| speed.si());
+    let Some(speed_m_s) = commanded.filter(|speed_m_s| *speed_m_s != 0.0) else {
         return Ok(None);
     };
     match requested.speed_type {
@@ -249,6 +251,11 @@ mod tests {
         let item = made(&requested, Some(15.0), false).unwrap();
         assert!((item.params[0] - 37.7).abs() < 0.01, "{:?}", item.params);
         assert_eq!(item.speed_m_s, Some(30.0));
+        // A full presence vector carries 0 for no speed.
+        requested.loiter_speed = Some(Scaled::saturating_from_si(0.0));
+        let item = made(&requested, Some(15.0), false).unwrap();
+        assert!((item.params[0] - 75.4).abs() < 0.01, "{:?}", item.params);
+        assert_eq!(item.speed_m_s, None);
     }
 
     #[test]

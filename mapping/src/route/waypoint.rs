@@ -63,14 +63,17 @@ pub(super) fn above_ground(waypoint: &UaPositionWaypoint, site: &Site) -> Option
 }
 
 fn speed(waypoint: &UaPositionWaypoint, performance: &Performance) -> Result<Option<f64>, Reason> {
+    // A full presence vector carries 0 for no speed.
+    let commanded = waypoint.waypoint_to_speed.map(|speed| speed.si());
+    let commanded = commanded.filter(|speed_m_s| *speed_m_s != 0.0);
     match waypoint.waypoint_speed_type {
         Some(WaypointSpeedType::ArrivalTime) => return Err(Reason::ArrivalTime),
-        Some(WaypointSpeedType::Unknown(value)) if waypoint.waypoint_to_speed.is_some() => {
+        Some(WaypointSpeedType::Unknown(value)) if commanded.is_some() => {
             return Err(Reason::unknown("Waypoint Speed Type", value));
         }
         _ => {}
     }
-    let Some(speed_m_s) = waypoint.waypoint_to_speed.map(|speed| speed.si()) else {
+    let Some(speed_m_s) = commanded else {
         return Ok(None);
     };
     Ok(Some(performance.check(speed_m_s)?))

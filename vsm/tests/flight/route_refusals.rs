@@ -114,9 +114,9 @@ fn every_fault_is_named_with_its_waypoint_and_the_vehicle_keeps_its_mission() {
             "relative coordinates",
         ),
         (
-            first(|w| w.waypoint_to_speed = Some(Scaled::saturating_from_si(0.0))),
+            first(|w| w.waypoint_to_speed = Some(Scaled::saturating_from_si(30.0))),
             7,
-            "speed 0.0",
+            "speed 30.0",
         ),
         (
             first(|w| w.waypoint_type = Some(WaypointType::EndOfLoop)),

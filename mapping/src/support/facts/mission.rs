@@ -30,7 +30,7 @@ facts! {
         "Location Type": "0 absolute; others are refused";
         "Waypoint to Altitude": "how high; refused below home unless vehicle.limits.below_home is true";
         "Waypoint Altitude Type": "datum of the altitude: 0 and 1 by the altimeter setting, 2 above home, 3 ellipsoid";
-        "Waypoint to Speed": "DO_CHANGE_SPEED before it; a repeated one is left out where the items are too many";
+        "Waypoint to Speed": "DO_CHANGE_SPEED before it; 0: none; a repeated one is left out where the items are too many";
         "Waypoint Speed Type": "0, 1 and 2 alike; arrival time is refused";
         "Next Waypoint": "0 ends the route; of the end of a loop: its start";
         "Turn Type": "1 flies over, within 3 m; 0 takes the vehicle's own radius";
