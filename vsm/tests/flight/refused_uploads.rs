@@ -3,8 +3,10 @@
 use kit::bridge::{Rig, Setup, orders};
 use mavlink_link::dialect::MavMissionType;
 use stanag_msgs::enums::{AckType, AltitudeType, LoiterDurationUnits, MissionPlanMode};
-use stanag_msgs::messages::{CurveSegment, CurveSegmentPaper, UaLoiterWaypoint};
-use stanag_msgs::{Bam32, Id, Message, Scaled};
+use stanag_msgs::messages::{
+    CurveSegment, CurveSegmentPaper, MissionTransferCommand, UaLoiterWaypoint,
+};
+use stanag_msgs::{Bam32, Id, Message, Scaled, Text};
 
 const FAR_M: f64 = 60_000.0;
 
@@ -223,6 +225,33 @@ fn an_upload_that_the_link_failed_is_loaded_by_another_13000_or_dropped_by_anoth
     rig.run(8.0);
     // Without the curve from 70 to 80, which no 13002 has described.
     loaded(&mut rig, orders::square());
+}
+
+/// A 13000 that loads nothing ends the messages before it, whatever is wrong with it: their 13001 may come last again.
+#[test]
+fn an_upload_is_sent_again_in_any_order_after_a_13000_that_could_load_nothing() {
+    let mut rig = Rig::ready();
+    let unknown = MissionTransferCommand {
+        route_id: Some(Text::new("NOPE")),
+        ..orders::load()
+    };
+    let no_mode = MissionTransferCommand {
+        mission_plan_mode: None,
+        ..orders::load()
+    };
+    for wrong in [
+        orders::transfer(MissionPlanMode::from_raw(9)),
+        unknown,
+        no_mode,
+    ] {
+        // Its 13001 last.
+        let upload: Vec<Message> = straight().into_iter().rev().collect();
+        rig.send_plan(upload.clone());
+        let end = rig.carry_out(wrong.clone());
+        assert_eq!(end, Some(AckType::Refused), "{wrong:?}");
+        loaded(&mut rig, upload);
+        assert_eq!(plan(&mut rig), (vec![10, 20], 0, 0), "{wrong:?}");
+    }
 }
 
 /// A station that asks for no answers, over a link that loses every fourth message: what has arrived of its route is loaded

@@ -114,10 +114,16 @@ impl Transfers {
                 }
             },
             Some(mode @ Mode::Unknown(value)) => {
+                // It ends the messages of its upload, as any 13000 that loads nothing: their 13001 may come last when they
+                // are sent again.
+                store.load_failed(false, cucs_of(context, &origin), effects);
                 let why = format!("Mission Plan Mode {value}, expected 1 to 5");
                 return status::reject(effects, origin, &name, mode, None, why);
             }
-            None => return effects.refuse(Some(origin), "Mission Plan Mode is missing"),
+            None => {
+                store.load_failed(false, cucs_of(context, &origin), effects);
+                return effects.refuse(Some(origin), "Mission Plan Mode is missing");
+            }
         };
         let (busy, to) = (self.download.is_some(), (origin, name.as_str()));
         if let Some(download) = Download::begin(context, store, to, part, busy, effects) {
