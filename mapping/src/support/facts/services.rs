@@ -33,7 +33,7 @@ facts! {
     }
     16002 taken "the CUCS is connected; once sent, its loss is detected" {
         "Time Stamp": RECEIVED_STAMP;
-    } sends "each second from LOI 2 on" {
+    } sends "each second from LOI 2 on, by 17001, on 17002" {
         "Time Stamp": STAMP;
     }
     17000 taken "ignored: this VSM requests no acknowledgement" {
@@ -45,13 +45,13 @@ facts! {
     }
     17001 taken "a report is sent at this rate, its sources requested by SET_MESSAGE_INTERVAL" {
         "Time Stamp": RECEIVED_STAMP;
-        "Requested Message Type": "3, 3000 to 3002, 3004 to 3007, 3009 to 3011, 3016, 4000, 4001, 12001, 12101, 16001, 16002, 18300, 18500, 21000, 21100, 21101, 28001, 32000, 32003, 32005, 32006, 32200, 32302, 32400; others are refused";
+        "Requested Message Type": "3, 3000 to 3002, 3004 to 3007, 3009 to 3011, 3016, 4000, 4001, 12001, 12101, 16001, 16002, 18300, 18500, 21000, 21100, 21101, 28001, 32000, 32003, 32005, 32006, 32200, 32302, 32400, 50025; others are refused";
         "Frequency": "1 to 100 Hz; 0: stop; forgotten when LOI 2 ends";
     }
     17002 taken "a report is sent once" {
         "Time Stamp": RECEIVED_STAMP;
         "Station Number 1-16": "of 21000, 21100 and 21101: the stations; none: all";
-        "Message Type": "2, 50013 and those of 17001; others are refused";
+        "Message Type": "2, 35000, 50013, 50022, 50023 and those of 17001; others are refused";
         "Requested Field Presence Vector": "the fields to send, beside the stamp; 0: all";
     }
     18300 sends "by 17001, on 17002; never of a silent vehicle, or before wind or temperature are known" {

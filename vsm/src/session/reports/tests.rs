@@ -329,3 +329,49 @@ fn a_flood_of_lists_is_refused_with_its_rate_and_another_station_has_its_own() {
     command(&mut world, &mut reports, 1, ParameterRequest::default());
     assert_eq!(acknowledgements(&world.sent_to(1)), [AckType::Received]);
 }
+
+/// The numbers of a text, its ranges written out: `3, 3000 to 3002`.
+fn numbers(text: &str) -> Vec<u16> {
+    let words = text.split(|c: char| !c.is_ascii_alphanumeric());
+    let mut numbers: Vec<u16> = Vec::new();
+    let mut to = false;
+    for word in words.filter(|word| !word.is_empty()) {
+        match word.parse() {
+            Ok(end) if to => {
+                let first = numbers.last().map_or(end, |last| last + 1);
+                numbers.extend(first..=end);
+            }
+            Ok(number) => numbers.push(number),
+            Err(_) => {}
+        }
+        to = word == "to";
+    }
+    numbers
+}
+
+/// The rows of 17001 and 17002, and those of what they request, name what is answered.
+#[test]
+fn the_support_table_names_each_report_that_can_be_requested() {
+    use mapping::support::{self, Received};
+    let text = |message: u16, name: &str| {
+        let info = table::message(message).expect("of the table");
+        let field = info.field(name).expect("of the table");
+        match support::field(info, field).received {
+            Received::Honoured(text) => text,
+            other => panic!("{message} {name}: {other:?}"),
+        }
+    };
+    let scheduled = numbers(text(17_001, "Requested Message Type"));
+    // Without the number of 17001, whose reports it names too.
+    let mut once = numbers(text(17_002, "Message Type"));
+    once.retain(|number| *number != 17_001);
+    for info in table::MESSAGES {
+        let id = info.id;
+        let known = known_report(id).is_ok();
+        assert_eq!(scheduled.contains(&id), known, "{id}");
+        let sends = support::message(id).map_or("", |row| row.sends);
+        assert_eq!(sends.contains("17001"), known, "{id}: {sends}");
+        let answered = known || once.contains(&id);
+        assert_eq!(sends.contains("17002"), answered, "{id}: {sends}");
+    }
+}
