@@ -228,7 +228,7 @@ pub fn edition_3_fields(id: u16) -> Option<usize> {
 #[must_use]
 pub fn in_edition_3(message: &Message) -> Option<Message> {
     let count = edition_3_fields(message.id())?;
-    Some(select(message, (1 << count) - 1))
+    Some(select(message, (1_u64 << count) - 1))
 }
 
 /// Whether the sender has left out a field of this message, and so uses partial presence vectors.
