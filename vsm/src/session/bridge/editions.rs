@@ -130,8 +130,11 @@ impl Bridge {
         translator.keep_time(self.outbox.last_stamp_ms());
         let vehicle = self.aircraft.find(at.vehicle);
         let live = vehicle.filter(|one| one.vehicle.live());
-        if let Some(mode) = live.and_then(|one| one.vehicle.telemetry.mode) {
-            translator.shows(at.vehicle, mode.reported());
+        if let Some((mode, telemetry)) = live.and_then(|one| {
+            let telemetry = &one.vehicle.telemetry;
+            Some((telemetry.mode?, telemetry))
+        }) {
+            translator.shows(at.vehicle, mode.reported(), telemetry.stands());
         }
         let none = Plan::default();
         let (plan, sent) = vehicle.map_or((&none, None), |one| one.mission.upload_of(at.cucs));

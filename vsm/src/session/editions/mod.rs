@@ -307,10 +307,11 @@ impl Translator {
         self.plans.entry(vehicle).or_default().begin_download();
     }
 
-    /// The present mode of a vehicle. The report that is sent may be late, or dropped.
-    pub(crate) fn shows(&mut self, vehicle: Id, mode: FlightPathControlMode) {
+    /// The present mode of a vehicle, and whether it is on the ground. The report that is sent may be late, or dropped.
+    pub(crate) fn shows(&mut self, vehicle: Id, mode: FlightPathControlMode, stands: bool) {
         let steering = self.steering.entry(vehicle).or_default();
         steering.shows(Some(mode.raw()));
+        steering.stands(stands);
     }
 
     /// #109 of a vehicle, under the id `named`, as a datagram.

@@ -12,8 +12,10 @@
 //! | 20, 21 | the altitude of #43 | the altitude of #43 |
 //! | others | none | none |
 //!
-//! So a #43 changes the flight at once if it rules in the mode that the vehicle shows: in 15, and by #48 in 11 and 12.
-//! Otherwise it is kept once, for the next #42: a demand from before the last #42 moves nothing. These values of a #43
+//! So a #43 changes the flight at once if it rules in the mode that the vehicle shows: in 15, and by #48 in 11 and 12, but
+//! on the ground in none. What does not rule is kept once, for the next #42: a demand from before the last #42 moves
+//! nothing. A station may send the pair either way round. After its #42 a #43 belongs to that mode. Just before one it
+//! belongs to the mode that follows: there its values rule again, though the mode shown has used them. These values of a #43
 //! count: an altitude and a heading whose command type is not 0, a speed and an altimeter setting that are not 0, and a
 //! waypoint of 1 to 65534 that differs from the one before and from the one that the vehicle flies to. Preference 1 of #48
 //! falls back to 0 when a waypoint is reached, and in mode 12 when the vehicle is at the loiter position of the #43
@@ -31,7 +33,7 @@ use stanag_msgs::ed25::record::ed4;
 use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
-use super::form::{Refusal, clear_unused_of_loiter, to};
+use super::form::{Refusal, clear_unused_of_loiter, new, to};
 
 /// The state of a station's steering of one vehicle.
 #[derive(Debug, Default)]
@@ -40,8 +42,12 @@ pub(crate) struct Steering {
     control: LoiBitmap,
     /// The mode that 3001 last reported.
     shown: Option<u8>,
+    /// It is on the ground.
+    stands: bool,
     /// The waypoint that the vehicle flies to.
     to: Option<u16>,
+    /// The stamp of the last #42 that was not refused.
+    mode_at: Option<f64>,
     /// The modes of the last #42s, and their stamps, until the vehicle shows the last of them, or changes to a mode that
     /// none of them has commanded.
     commanded: Vec<(u8, f64)>,
@@ -67,12 +73,36 @@ pub(crate) struct Order {
 #[derive(Debug, Clone)]
 pub(crate) struct Demand {
     record: Record,
-    /// No command was made from it, and no #42 has followed.
+    /// What of it has not changed the flight yet.
+    rest: Record,
+    /// It has changed the flight in the mode that was shown.
+    acted: bool,
+    /// No #42 came just before it: it may be the values of one just after it.
+    leads: bool,
+    /// No #42 has followed.
     fresh: bool,
     /// Its waypoint differs from the one before, and no #42 has followed.
     waypoint: bool,
     /// The same for its altitude.
     altitude: bool,
+}
+
+impl Demand {
+    /// Its values for a #42 with this mode.
+    fn values(&self, mode: u8, seconds: f64) -> Record {
+        let since = seconds - self.record.number(1).unwrap_or_default();
+        let mut values = if self.leads && (0.0..ONE_COMMAND_S).contains(&since) {
+            self.record.clone()
+        } else {
+            self.rest.clone()
+        };
+        // A route is refused with an altitude or a heading. One that repeats its demands in another mode goes on to fly it.
+        if self.acted && mode == WAYPOINT {
+            values.set(4, 0);
+            values.set(7, 0);
+        }
+        values
+    }
 }
 
 /// The change that a command makes to this state.
@@ -124,8 +154,9 @@ impl Steering {
         let mut command = whole(record)?;
         let demand = self.demand.as_ref();
         let demand = demand.filter(|one| one.fresh && (mode != WAVE_OFF || one.altitude));
+        let seconds = record.number(1).unwrap_or_default();
         if let Some(demand) = demand {
-            self.rule(mode, &demand.record, &mut command);
+            self.rule(mode, &demand.values(mode, seconds), &mut command);
         }
         if mode == LOITER {
             self.configured(&mut command);
@@ -135,7 +166,7 @@ impl Steering {
         }
         Ok(Order {
             message: command.message()?,
-            latch: Latch::Mode(mode, record.number(1).unwrap_or_default()),
+            latch: Latch::Mode(mode, seconds),
             notice: None,
         })
     }
@@ -149,8 +180,11 @@ impl Steering {
         let entered = self.commanded.last().copied().filter(|(mode, at)| {
             [WAYPOINT, LOITER, AUTOPILOT].contains(mode)
                 && (0.0..ENTERED_WITHIN_S).contains(&(seconds - at))
+                && (!self.stands || *mode == WAYPOINT)
         });
-        let mode = entered.map(|(mode, _)| mode).or(self.shown);
+        // On the ground nothing is flown in the mode that is shown: its values are those of the launch that follows.
+        let shown = self.shown.filter(|_| !self.stands);
+        let mode = entered.map(|(mode, _)| mode).or(shown);
         let mut command = Record::new(&VehicleOperatingModeCommand::INFO);
         command.set(1, seconds);
         // The altimeter setting applies in every mode.
@@ -174,10 +208,19 @@ impl Steering {
         if let Some((mode, _)) = entered.filter(|_| acts) {
             command.set(2, mode);
         }
+        let mut rest = record.clone();
+        let used = |place: u8| command.number(place).is_some();
+        for (_, field) in USED_BY.iter().filter(|(place, _)| used(*place)) {
+            rest.set(*field, 0);
+        }
         let before = self.demand.as_ref();
+        let belongs = |at: f64| (0.0..ONE_COMMAND_S).contains(&(seconds - at));
         let demand = Demand {
             record: record.clone(),
-            fresh: !acts,
+            rest,
+            acted: acts,
+            leads: entered.is_none() && !self.mode_at.is_some_and(belongs),
+            fresh: true,
             // In mode 11 it was either commanded now or is not used.
             waypoint: mode != Some(WAYPOINT)
                 && (self.changes(record, &[15]) || before.is_some_and(|one| one.waypoint)),
@@ -286,6 +329,7 @@ impl Steering {
             Latch::Mode(mode, seconds) => {
                 // A #43 must not name a mode that is not entered.
                 if !refused {
+                    self.mode_at = Some(seconds);
                     let is_fresh =
                         |(_, at): &(u8, f64)| (0.0..ENTERED_WITHIN_S).contains(&(seconds - at));
                     self.commanded.retain(is_fresh);
@@ -301,7 +345,15 @@ impl Steering {
                     (demand.fresh, demand.waypoint, demand.altitude) = (false, false, false);
                 }
             }
-            Latch::Demand(demand) => self.demand = Some(demand),
+            Latch::Demand(mut demand) => {
+                // Refused values must not have a hold refused later. In mode 11 they are often refused for the mode alone.
+                if refused && demand.acted {
+                    demand.leads &= self.shown == Some(WAYPOINT);
+                    demand.fresh = demand.leads;
+                    demand.rest = new(demand.record.id());
+                }
+                self.demand = Some(demand);
+            }
             Latch::Loiter(loiter) => self.loiter = Some(loiter),
             Latch::Preference(preference) => {
                 let each = self.preference.iter_mut().zip(&mut self.fallen_back);
@@ -320,9 +372,10 @@ impl Steering {
         let both = LoiBitmap::LOI4.union(LoiBitmap::LOI5);
         let control = LoiBitmap::from_raw(levels.raw() & both.raw());
         if control.is_empty() != self.control.is_empty() {
-            let (shown, to) = (self.shown, self.to);
+            let (shown, stands, to) = (self.shown, self.stands, self.to);
             *self = Steering {
                 shown,
+                stands,
                 to,
                 ..Steering::default()
             };
@@ -345,6 +398,11 @@ impl Steering {
             }
         }
         self.shown = mode;
+    }
+
+    /// Whether the vehicle has reported that it is on the ground.
+    pub(super) fn stands(&mut self, stands: bool) {
+        self.stands = stands;
     }
 
     /// 4001: returns true if a preference ends because a waypoint was reached.
@@ -434,6 +492,8 @@ fn has_place(demand: &Record) -> bool {
         .any(|field| demand.number(*field).is_some_and(|angle| angle != 0.0))
 }
 
+/// Fields of a 2016 that a value of #43 becomes, and those of #43 that command it: 0 commands nothing.
+const USED_BY: [(u8, u8); 5] = [(3, 4), (6, 7), (13, 13), (18, 18), (18, 19)];
 /// Preference of #48: manual until the waypoint or loiter point.
 const UNTIL_REACHED: u8 = 1;
 /// Distance within which a vehicle counts as at its loiter position, m, in addition to the radius of its circle.
@@ -449,12 +509,13 @@ const LAUNCH: u8 = 21;
 const NO_LOITER_ALTITUDE: &str = "#41: Loiter Altitude 0 is not flown to: mode 12 (loiter) keeps the altitude that the vehicle has";
 /// Within this time a mode is entered or was refused.
 const ENTERED_WITHIN_S: f64 = 5.0;
+/// A #42 and a #43 within this time are one command. Longer, and a hold would take the values of a steering before it.
+const ONE_COMMAND_S: f64 = 1.0;
 
 #[cfg(test)]
 mod tests {
     use stanag_msgs::scalar::Altitude;
 
-    use super::super::form::new;
     use super::*;
 
     /// A record of this type with these fields.
@@ -593,6 +654,113 @@ mod tests {
             // A safety pilot all the same.
             steering.shows(Some(MANUAL));
             assert_eq!(named(&mut steering, 1.0), None);
+        }
+    }
+
+    /// #48: those of #43 override.
+    fn manual(steering: &mut Steering) {
+        let each = [(4, 2.0), (5, 2.0), (6, 2.0)];
+        take(steering, &record(48, -60.0, &each));
+    }
+
+    #[test]
+    fn a_launch_takes_the_altitude_of_a_demand_whatever_mode_is_shown_on_the_ground() {
+        for shown in [WAYPOINT, LOITER, AUTOPILOT] {
+            let mut steering = Steering::default();
+            steering.shows(Some(shown));
+            steering.stands(true);
+            manual(&mut steering);
+            let kept = take(&mut steering, &record(43, 0.0, &DEMAND));
+            assert_eq!((metres(&kept), kept.heading_command_type), (None, None));
+            let launch = mode(&mut steering, LAUNCH, 30.0);
+            assert_eq!(metres(&launch), Some(20.0), "{shown}");
+            // Once.
+            assert_eq!(metres(&mode(&mut steering, LAUNCH, 31.0)), None);
+        }
+    }
+
+    #[test]
+    fn what_the_mode_shown_has_used_of_a_demand_rules_in_the_mode_right_after_it() {
+        let place = [(13, 4.0), (18, 0.8), (19, 0.1)];
+        let mut steering = Steering::default();
+        manual(&mut steering);
+        steering.shows(Some(WAYPOINT));
+        let faster = take(&mut steering, &record(43, 0.0, &place));
+        assert!(faster.commanded_speed.is_some() && faster.loiter_position_latitude.is_none());
+        let there = mode(&mut steering, LOITER, 0.2);
+        assert!(there.commanded_speed.is_some() && there.loiter_position_latitude.is_some());
+        // The same where it is in mode 12 already: it must not stop on its way.
+        steering.shows(Some(LOITER));
+        take(&mut steering, &record(43, 10.0, &place));
+        let there = mode(&mut steering, LOITER, 10.2);
+        assert!(there.loiter_position_latitude.is_some());
+        // Course and speed: the course is not flown in mode 12, the speed is.
+        let east = [(7, 2.0), (9, 1.5), (13, 4.0)];
+        take(&mut steering, &record(43, 20.0, &east));
+        let steered = mode(&mut steering, AUTOPILOT, 20.2);
+        assert!(steered.commanded_speed.is_some() && steered.commanded_course.is_some());
+    }
+
+    #[test]
+    fn of_a_demand_long_before_its_mode_only_what_was_not_used_rules() {
+        let mut steering = Steering::default();
+        manual(&mut steering);
+        steering.shows(Some(LOITER));
+        let east = [(7, 2.0), (9, 1.5), (13, 4.0)];
+        take(&mut steering, &record(43, 0.0, &east));
+        let steered = mode(&mut steering, AUTOPILOT, 30.0);
+        assert!(steered.commanded_speed.is_none() && steered.commanded_course.is_some());
+        // A hold after a steering takes nothing of it.
+        steering.shows(Some(AUTOPILOT));
+        take(&mut steering, &record(43, 40.0, &DEMAND));
+        let hold = mode(&mut steering, LOITER, 43.0);
+        assert_eq!((metres(&hold), hold.heading_command_type), (None, None));
+    }
+
+    #[test]
+    fn a_demand_belongs_to_the_mode_just_before_it() {
+        let mut steering = Steering::default();
+        manual(&mut steering);
+        steering.shows(Some(LOITER));
+        // Shown at once, so that the demand does not name it again.
+        mode(&mut steering, AUTOPILOT, 0.0);
+        steering.shows(Some(AUTOPILOT));
+        assert_eq!(
+            metres(&take(&mut steering, &record(43, 0.3, &DEMAND))),
+            Some(20.0)
+        );
+        let hold = mode(&mut steering, LOITER, 0.9);
+        assert_eq!((metres(&hold), hold.heading_command_type), (None, None));
+    }
+
+    #[test]
+    fn a_refused_demand_has_no_hold_refused_but_rules_in_the_mode_after_a_route() {
+        let after = |shown: u8| {
+            let mut steering = Steering::default();
+            manual(&mut steering);
+            steering.shows(Some(shown));
+            let order = steering.order(&record(43, 0.0, &DEMAND));
+            let latch = order.expect("it is made").latch;
+            steering.accept(latch, true);
+            mode(&mut steering, LOITER, 0.2)
+        };
+        assert_eq!(metres(&after(AUTOPILOT)), None);
+        assert_eq!(metres(&after(WAYPOINT)), Some(20.0));
+    }
+
+    #[test]
+    fn a_route_is_resumed_though_demands_are_repeated_in_another_mode() {
+        let mut steering = Steering::default();
+        manual(&mut steering);
+        for shown in [LOITER, AUTOPILOT] {
+            steering.shows(Some(shown));
+            let mut all = DEMAND.to_vec();
+            all.push((13, 4.0));
+            take(&mut steering, &record(43, 0.0, &all));
+            let resumed = mode(&mut steering, WAYPOINT, 0.2);
+            let values = (metres(&resumed), resumed.heading_command_type);
+            assert_eq!(values, (None, None), "{shown}");
+            assert!(resumed.commanded_speed.is_some());
         }
     }
 
