@@ -1,5 +1,6 @@
-//! GeoJSON: lines, rings and rows of points, or else all Points in order. Altitudes are taken as above mean sea level;
-//! heights above home are marked by a property of the feature, `"altitude_type": "agl"`.
+//! GeoJSON: lines, rings and rows of points, or else all Points in order. Altitudes are taken as above mean sea level
+//! (`"altitude_type": "amsl"`); heights above home are marked by a property of the feature, `"altitude_type": "agl"`.
+//! Another word is refused, and so are Points of both kinds: one route has one datum.
 //!
 //! A property `"points"` carries what is done at the points of a line: `{"3": {"speed_m_s": "6"}}`. A Polygon with a
 //! property `"keep"` (`"in"` or `"out"`), or a Point with that and `"radius_m"`, is an area of the geofence; a Point with
@@ -26,17 +27,8 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Lines, FormatError> {
         document: &document,
         lines: Lines::default(),
     };
-    let datum = if altitude_type(&document.value) == Some(AGL) {
-        Datum::Home
-    } else {
-        Datum::SeaLevel
-    };
     found.search(&document.value, "", &Value::Null)?;
-    let mut lines = found.lines;
-    for draft in lines.lines.iter_mut().chain([&mut lines.points]) {
-        draft.datum = datum;
-    }
-    Ok(lines)
+    Ok(found.lines)
 }
 
 struct Found<'a> {
@@ -107,6 +99,7 @@ impl Found<'_> {
             name: owner["name"].as_str().unwrap_or_default().to_owned(),
             closed,
             points: self.positions(coordinates, path)?,
+            datum: self.datum(owner, path)?,
             ..Draft::default()
         };
         // A ring repeats its first position.
@@ -171,8 +164,32 @@ impl Found<'_> {
                 },
             });
         } else if owner["rally"] == true {
+            if !owner[ALTITUDE_TYPE].is_null() && self.datum(owner, path)? != Datum::Home {
+                let problem = "expected \"agl\": heights of rally points are above home";
+                return Err(FormatError::at(
+                    self.file,
+                    point.line,
+                    ALTITUDE_TYPE,
+                    problem,
+                ));
+            }
             self.lines.rally.push(point.position);
         } else {
+            let datum = self.datum(owner, path)?;
+            let all = &mut self.lines.points;
+            if point.no_altitude.is_none() {
+                let before = all.points.iter().any(|p| p.no_altitude.is_none());
+                if before && all.datum != datum {
+                    let problem = "another than before, expected the same for all points";
+                    return Err(FormatError::at(
+                        self.file,
+                        point.line,
+                        ALTITUDE_TYPE,
+                        problem,
+                    ));
+                }
+                all.datum = datum;
+            }
             for (key, value) in owner.as_object().into_iter().flatten() {
                 let text = value
                     .as_str()
@@ -183,6 +200,22 @@ impl Found<'_> {
             self.lines.points.points.push(point);
         }
         Ok(())
+    }
+
+    /// What the altitudes of a feature are above: its own mark counts, or else that of the whole collection.
+    fn datum(&self, owner: &Value, path: &str) -> Result<Datum, FormatError> {
+        let whole = &self.document.value["properties"][ALTITUDE_TYPE];
+        let mark = Some(&owner[ALTITUDE_TYPE]).filter(|mark| !mark.is_null());
+        match mark.unwrap_or(whole) {
+            Value::Null => Ok(Datum::SeaLevel),
+            word if word == AMSL => Ok(Datum::SeaLevel),
+            word if word == AGL => Ok(Datum::Home),
+            other => {
+                let line = Some(self.document.line_of(path));
+                let problem = format!("{other}, expected \"{AGL}\" or \"{AMSL}\"");
+                Err(FormatError::at(self.file, line, ALTITUDE_TYPE, problem))
+            }
+        }
     }
 
     fn keep(&self, owner: &Value) -> Result<Option<Keep>, FormatError> {
@@ -220,13 +253,6 @@ impl Found<'_> {
     }
 }
 
-/// The mark of the first feature that has one.
-fn altitude_type(document: &Value) -> Option<&str> {
-    let own = document["properties"]["altitude_type"].as_str();
-    let features = document["features"].as_array();
-    own.or_else(|| features?.iter().find_map(altitude_type))
-}
-
 /// Writes a LineString, what is done at its points, the geofence and the rally points.
 pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
     let points = draft.written();
@@ -234,7 +260,7 @@ pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
     let coordinates: Vec<Value> = points.iter().map(|p| position(p.position)).collect();
     let mut properties = json!({ "name": draft.name });
     if draft.datum == Datum::Home {
-        properties["altitude_type"] = AGL.into();
+        properties[ALTITUDE_TYPE] = AGL.into();
     }
     let done = points.iter().enumerate().filter_map(|(k, point)| {
         let pairs = attributes::of(&point.conduct).into_iter();
@@ -276,4 +302,91 @@ pub(super) fn write(draft: &Draft, losses: &mut Losses) -> String {
     format!("{document:#}\n")
 }
 
+/// The property that names what altitudes are above, and its words: above home, above mean sea level.
+const ALTITUDE_TYPE: &str = "altitude_type";
 const AGL: &str = "agl";
+const AMSL: &str = "amsl";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines(features: &[Value]) -> Result<Lines, String> {
+        let document = json!({ "type": "FeatureCollection", "features": features });
+        read(Path::new("a.geojson"), &document.to_string()).map_err(|fault| fault.to_string())
+    }
+
+    fn feature(geometry: Value, properties: Value) -> Value {
+        json!({ "type": "Feature", "properties": properties, "geometry": geometry })
+    }
+
+    fn line() -> Value {
+        json!({ "type": "LineString", "coordinates": [[8.5, 47.4, 520], [8.51, 47.4, 520]] })
+    }
+
+    fn point() -> Value {
+        json!({ "type": "Point", "coordinates": [8.5, 47.4, 520] })
+    }
+
+    #[test]
+    fn the_altitude_type_of_a_feature_is_that_of_no_other() {
+        let marked = feature(line(), json!({ "altitude_type": "agl" }));
+        let plain = feature(line(), json!({}));
+        for (features, datums) in [
+            ([&plain, &marked], [Datum::SeaLevel, Datum::Home]),
+            ([&marked, &plain], [Datum::Home, Datum::SeaLevel]),
+        ] {
+            let lines = lines(&features.map(Value::clone)).expect("both are lines");
+            let found: Vec<Datum> = lines.lines.iter().map(|line| line.datum).collect();
+            assert_eq!(found, datums);
+        }
+        // A mark of the whole collection counts where a feature has none.
+        let sea = feature(line(), json!({ "altitude_type": "amsl" }));
+        let document = json!({
+            "type": "FeatureCollection",
+            "properties": { "altitude_type": "agl" },
+            "features": [plain, sea],
+        });
+        let lines = read(Path::new("a.geojson"), &document.to_string()).expect("both are lines");
+        let found: Vec<Datum> = lines.lines.iter().map(|line| line.datum).collect();
+        assert_eq!(found, [Datum::Home, Datum::SeaLevel]);
+    }
+
+    #[test]
+    fn an_altitude_type_that_is_not_known_is_refused() {
+        for word in [json!("AGL"), json!("wgs84"), json!("pressure"), json!(2)] {
+            for geometry in [line(), point()] {
+                let odd = feature(geometry, json!({ "altitude_type": word }));
+                let fault = lines(&[odd]).err().expect("it is refused");
+                let expected = format!("altitude_type: {word}, expected \"agl\" or \"amsl\"");
+                assert!(fault.contains(&expected), "{fault}");
+            }
+        }
+    }
+
+    #[test]
+    fn points_have_one_altitude_type_and_rally_points_are_above_home() {
+        let agl = feature(point(), json!({ "altitude_type": "agl" }));
+        let none = feature(point(), json!({}));
+        let flat = json!({ "type": "Point", "coordinates": [8.5, 47.4] });
+        let flat = feature(flat, json!({}));
+        let fault = |features: &[Value]| lines(features).err().unwrap_or_default();
+        for mixed in [[&agl, &none], [&none, &agl]] {
+            let fault = fault(&mixed.map(Value::clone));
+            assert!(
+                fault.contains("altitude_type: another than before"),
+                "{fault}"
+            );
+        }
+        // Without an altitude there is nothing that could be above something else.
+        let same = lines(&[flat, agl.clone(), agl]).expect("all are above home");
+        assert_eq!(
+            (same.points.datum, same.points.points.len()),
+            (Datum::Home, 3)
+        );
+        let rally = |kind: &str| json!({ "rally": true, "altitude_type": kind });
+        assert!(lines(&[feature(point(), rally("agl"))]).is_ok());
+        let fault = fault(&[feature(point(), rally("amsl"))]);
+        assert!(fault.contains("rally points are above home"), "{fault}");
+    }
+}

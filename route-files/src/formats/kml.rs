@@ -241,6 +241,16 @@ impl Found<'_> {
             return Ok(());
         }
         if owner.get("rally").is_some() {
+            if shape.text_of("altitudeMode") == Some(ABSOLUTE) {
+                let problem =
+                    "absolute, expected relativeToGround: heights of rally points are above home";
+                return Err(FormatError::at(
+                    self.file,
+                    Some(shape.line),
+                    "altitudeMode",
+                    problem,
+                ));
+            }
             self.lines.rally.push(position);
             return Ok(());
         }
@@ -423,3 +433,23 @@ const ABSOLUTE: &str = "absolute";
 const DOC: &str = "doc.kml";
 /// A KML of a million points has 30 MB; a zip that unpacks to more was made to fill the memory.
 const MAX_UNPACKED: u64 = 256 << 20;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rally_point_above_sea_level_is_refused() {
+        let rally = |mode: &str| {
+            let text = format!(
+                "<kml><Placemark><ExtendedData><Data name=\"rally\"><value>yes</value></Data></ExtendedData>\
+                 <Point><altitudeMode>{mode}</altitudeMode><coordinates>8.5,47.4,30</coordinates></Point></Placemark></kml>"
+            );
+            read(Path::new("a.kml"), &text)
+        };
+        let lines = rally(RELATIVE).expect("it is above home");
+        assert_eq!(lines.rally, [Position::new(47.4, 8.5, 30.0)]);
+        let fault = rally(ABSOLUTE).err().expect("it is refused").to_string();
+        assert!(fault.contains("rally points are above home"), "{fault}");
+    }
+}
