@@ -180,6 +180,17 @@ impl Point {
     }
 }
 
+/// Takes the last point of a ring away where it repeats the first, as rings of KML and GeoJSON do. A ring that was left open
+/// ends with a point of its own.
+pub(super) fn open_ring(ring: &mut Vec<Point>) {
+    let place = |point: &Point| (point.position.lat_deg, point.position.lon_deg);
+    if let [first, .., last] = ring.as_slice()
+        && place(first) == place(last)
+    {
+        ring.pop();
+    }
+}
+
 /// The altitude of all points, where a file does not give it, and the ground below them.
 #[derive(Clone, Debug, Default, Args)]
 pub struct Level {

@@ -11,7 +11,7 @@ use std::path::Path;
 use curve_paths::Position;
 use serde_json::{Map, Value, json};
 
-use super::draft::{Datum, Draft, NoAltitude, Point};
+use super::draft::{Datum, Draft, NoAltitude, Point, open_ring};
 use super::fault::FormatError;
 use super::json_line::Document;
 use super::lines::Lines;
@@ -102,9 +102,8 @@ impl Found<'_> {
             datum: self.datum(owner, path)?,
             ..Draft::default()
         };
-        // A ring repeats its first position.
-        if closed && draft.points.len() > 1 {
-            draft.points.pop();
+        if closed {
+            open_ring(&mut draft.points);
         }
         for (number, done) in owner["points"].as_object().into_iter().flatten() {
             let point = number.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
@@ -134,17 +133,14 @@ impl Found<'_> {
             }
             return Ok(());
         };
-        let mut vertices: Vec<[f64; 2]> = self
-            .positions(&rings[0], &at)?
+        let mut points = self.positions(&rings[0], &at)?;
+        open_ring(&mut points);
+        let vertices = points
             .iter()
-            .map(|p| [p.position.lat_deg, p.position.lon_deg])
-            .collect();
-        if vertices.len() > 1 && vertices.first() == vertices.last() {
-            vertices.pop();
-        }
+            .map(|p| [p.position.lat_deg, p.position.lon_deg]);
         self.lines.areas.push(Area {
             keep,
-            shape: Shape::Polygon(vertices),
+            shape: Shape::Polygon(vertices.collect()),
         });
         Ok(())
     }
@@ -361,6 +357,23 @@ mod tests {
                 let expected = format!("altitude_type: {word}, expected \"agl\" or \"amsl\"");
                 assert!(fault.contains(&expected), "{fault}");
             }
+        }
+    }
+
+    #[test]
+    fn a_ring_keeps_its_last_corner_where_it_is_not_the_first() {
+        let corners = [[8.5, 47.4], [8.51, 47.4], [8.51, 47.41]];
+        for ring in [corners.to_vec(), [&corners[..], &corners[..1]].concat()] {
+            let polygon = |properties| {
+                let polygon = json!({ "type": "Polygon", "coordinates": [ring] });
+                lines(&[feature(polygon, properties)]).expect("a ring")
+            };
+            let line = &polygon(json!({})).lines[0];
+            assert_eq!((line.closed, line.points.len()), (true, 3), "{ring:?}");
+            let Shape::Polygon(vertices) = &polygon(json!({ "keep": "in" })).areas[0].shape else {
+                panic!("a polygon");
+            };
+            assert_eq!(vertices.len(), 3, "{ring:?}");
         }
     }
 

@@ -13,7 +13,7 @@ use curve_paths::Position;
 use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
-use super::draft::{Datum, Draft, NoAltitude, Point};
+use super::draft::{Datum, Draft, NoAltitude, Point, open_ring};
 use super::fault::FormatError;
 use super::lines::Lines;
 use super::losses::Losses;
@@ -134,9 +134,8 @@ impl Found<'_> {
         for coordinates in ring.all("coordinates") {
             self.tuples(coordinates, &mut draft.points)?;
         }
-        // A ring repeats its first position.
-        if closed && draft.points.len() > 1 {
-            draft.points.pop();
+        if closed {
+            open_ring(&mut draft.points);
         }
         self.finish(shape, draft, owner)
     }
@@ -203,11 +202,7 @@ impl Found<'_> {
         for coordinates in ring.all("coordinates") {
             self.tuples(coordinates, &mut points)?;
         }
-        if points.len() > 1
-            && points.first().map(|p| p.position) == points.last().map(|p| p.position)
-        {
-            points.pop();
-        }
+        open_ring(&mut points);
         let vertices = points
             .iter()
             .map(|p| [p.position.lat_deg, p.position.lon_deg]);
@@ -437,6 +432,28 @@ const MAX_UNPACKED: u64 = 256 << 20;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_ring_keeps_its_last_corner_where_it_is_not_the_first() {
+        let ring = |last: &str, data: &str| {
+            let text = format!(
+                "<kml><Placemark>{data}<Polygon><altitudeMode>absolute</altitudeMode><outerBoundaryIs><LinearRing>\
+                 <coordinates>8.5,47.4,520 8.51,47.4,520 8.51,47.41,520{last}</coordinates></LinearRing>\
+                 </outerBoundaryIs></Polygon></Placemark></kml>"
+            );
+            read(Path::new("a.kml"), &text).expect("a ring")
+        };
+        // The altitude of the repeated corner does not count: the leg back leads to the first.
+        for last in ["", " 8.5,47.4,520", " 8.5,47.4"] {
+            let line = &ring(last, "").lines[0];
+            assert_eq!((line.closed, line.points.len()), (true, 3), "{last:?}");
+            let keep = "<ExtendedData><Data name=\"keep\"><value>in</value></Data></ExtendedData>";
+            let Shape::Polygon(vertices) = &ring(last, keep).areas[0].shape else {
+                panic!("a polygon");
+            };
+            assert_eq!(vertices.len(), 3, "{last:?}");
+        }
+    }
 
     #[test]
     fn a_rally_point_above_sea_level_is_refused() {
