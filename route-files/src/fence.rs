@@ -29,6 +29,20 @@ pub enum FenceFileError {
         /// Which one, from 1.
         area: usize,
     },
+    /// A number that the field of the message cannot have.
+    #[error("{}: area {area}: {field} {found}, expected {expected}", path.display())]
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// Which one, from 1.
+        area: usize,
+        /// The field, such as `vertex 2: latitude`.
+        field: String,
+        /// The number found.
+        found: f64,
+        /// What was expected.
+        expected: &'static str,
+    },
     /// More than the message's counter can hold.
     #[error("{}: {count} {what}, at most {most}", path.display())]
     Many {
@@ -151,13 +165,56 @@ pub fn parse(path: &Path, text: &str) -> Result<Vec<Area>, FenceFileError> {
             shape,
         })
     });
-    areas.collect()
+    let areas = areas.collect::<Result<Vec<_>, _>>()?;
+    check(path, &areas)?;
+    Ok(areas)
+}
+
+/// Checks the numbers of areas read from `path`: in a message an angle beyond its range would name another place, and one that
+/// is not a number 0 degrees.
+///
+/// # Errors
+/// The first that a message cannot carry.
+pub fn check(path: &Path, areas: &[Area]) -> Result<(), FenceFileError> {
+    for (area, Area { shape, .. }) in (1..).zip(areas) {
+        let within = |field: String, found: f64, most: f64, expected: &'static str| {
+            if found.abs() <= most {
+                return Ok(());
+            }
+            let path = path.to_owned();
+            Err(FenceFileError::Value {
+                path,
+                area,
+                field,
+                found,
+                expected,
+            })
+        };
+        let place = |of: &str, [north, east]: &[f64; 2]| {
+            within(format!("{of}: latitude"), *north, 90.0, "-90 to 90 degrees")?;
+            let expected = "-180 to 180 degrees";
+            within(format!("{of}: longitude"), *east, 180.0, expected)
+        };
+        match shape {
+            Shape::Polygon(vertices) => {
+                for (number, vertex) in (1..).zip(vertices) {
+                    place(&format!("vertex {number}"), vertex)?;
+                }
+            }
+            Shape::Circle { centre, radius_m } => {
+                place("centre", centre)?;
+                let expected = "a finite number of metres";
+                within("radius".to_owned(), *radius_m, f32::MAX.into(), expected)?;
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The messages 50016 of a fence read from `path`. Whether they make a fence is for the VSM to judge.
 ///
 /// # Errors
-/// More areas or vertices than the message can count.
+/// More areas or vertices than the message can count, or a number that it cannot carry.
 pub fn messages(path: &Path, areas: &[Area]) -> Result<Vec<Message>, FenceFileError> {
     let many = |count: usize, what, most: usize| {
         if count > most {
@@ -172,6 +229,7 @@ pub fn messages(path: &Path, areas: &[Area]) -> Result<Vec<Message>, FenceFileEr
         Ok(())
     };
     many(areas.len(), "areas", u16::MAX.into())?;
+    check(path, areas)?;
     let mut messages = Vec::new();
     for (id, area) in (1_u16..).zip(areas) {
         let (places, radius_m, kind) = match &area.shape {
@@ -312,5 +370,55 @@ mod tests {
             error("[[area]]\nkeep = \"in\"\nradius = 5.0\n"),
             "f.toml: area 1: expected vertices, or centre and radius"
         );
+    }
+
+    #[test]
+    fn a_number_that_a_message_cannot_carry_is_refused_with_its_area_and_vertex() {
+        let path = Path::new("f.toml");
+        for (find, replace, expected) in [
+            (
+                "[47.0, 8.1]",
+                "[407.0, 8.1]",
+                "area 1: vertex 2: latitude 407, expected -90 to 90 degrees",
+            ),
+            (
+                "[47.0, 8.0]",
+                "[nan, 8.0]",
+                "area 1: vertex 1: latitude NaN, expected -90 to 90 degrees",
+            ),
+            (
+                "[47.1, 8.1]",
+                "[47.1, -188.1]",
+                "area 1: vertex 3: longitude -188.1, expected -180 to 180 degrees",
+            ),
+            (
+                "[47.05, 8.05]",
+                "[47.05, inf]",
+                "area 2: centre: longitude inf, expected -180 to 180 degrees",
+            ),
+            (
+                "120.5",
+                "1e39",
+                "area 2: radius 1000000000000000000000000000000000000000, expected a finite number of metres",
+            ),
+        ] {
+            let text = TEXT.replacen(find, replace, 1);
+            assert_ne!(text, TEXT);
+            let fault = parse(path, &text).unwrap_err().to_string();
+            assert_eq!(fault, format!("f.toml: {expected}"));
+        }
+        // The areas of other formats come by another way.
+        let nowhere = Area {
+            keep: Keep::Out,
+            shape: Shape::Polygon(vec![[47.0, 8.0], [47.0, f64::NAN]]),
+        };
+        let fault = messages(path, &[nowhere]).unwrap_err().to_string();
+        assert!(
+            fault.starts_with("f.toml: area 1: vertex 2: longitude NaN"),
+            "{fault}"
+        );
+        let edges =
+            "[[area]]\nkeep = \"in\"\nvertices = [[90.0, -180.0], [-90.0, 180.0], [0.0, 0.0]]\n";
+        assert!(parse(path, edges).is_ok());
     }
 }

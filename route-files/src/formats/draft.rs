@@ -385,11 +385,7 @@ impl Draft {
                 format!("{n} waypoints, expected at least 2"),
             ));
         }
-        for (k, w) in self.points.iter().enumerate() {
-            w.position.checked().map_err(|e| {
-                FormatError::at(file, w.line, format!("waypoint {}", self.number(k)), e)
-            })?;
-        }
+        self.check_positions(file)?;
         let last = if self.closed { n } else { n - 1 };
         let next = self.points.iter().cycle().skip(1);
         let pairs = self.points.iter().zip(next).take(last).enumerate();
@@ -407,6 +403,20 @@ impl Draft {
                 })
             })
             .collect()
+    }
+
+    /// Checks that each point is a place on the Earth: in a message an angle beyond its range would name another place, and
+    /// one that is not a number 0 degrees.
+    ///
+    /// # Errors
+    /// The first that is none, by its line.
+    pub(super) fn check_positions(&self, file: &Path) -> Result<(), FormatError> {
+        for (k, w) in self.points.iter().enumerate() {
+            w.position.checked().map_err(|e| {
+                FormatError::at(file, w.line, format!("waypoint {}", self.number(k)), e)
+            })?;
+        }
+        Ok(())
     }
 
     /// Where it is nearest to the ground, between its points too.

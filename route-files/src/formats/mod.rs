@@ -440,6 +440,7 @@ pub fn write(file: &Path, draft: &Draft) -> Result<(Vec<u8>, Losses), FormatErro
         Format::RouteFile => {
             let route = draft.to_route(&mut losses)?;
             lost::rally(draft, &mut losses);
+            fence::check(file, &draft.areas)?;
             let fence = fence::to_toml(&draft.areas);
             let gap = if fence.is_empty() { "" } else { "\n" };
             route.to_toml() + gap + &fence
@@ -466,8 +467,9 @@ impl Draft {
     /// The route that is sent for it, and what of the file is not in it.
     ///
     /// # Errors
-    /// More waypoints than there are numbers.
+    /// A point is no place on the Earth, or there are more waypoints than numbers.
     pub fn to_send(&self, file: &Path) -> Result<(Route, Losses), FormatError> {
+        self.check_positions(file)?;
         let mut losses = self.losses.clone();
         let route = self.to_route(&mut losses)?;
         lost::sent_fence(&self.areas, file, &mut losses);

@@ -158,6 +158,7 @@ pub(super) fn areas(file: &Path, text: &str) -> Result<Vec<Area>, FormatError> {
             FormatError::at(file, None, format!("area {area}"), problem)
         }
         FenceFileError::Many { what, count, .. } => FormatError::at(file, None, what, count),
+        fault @ FenceFileError::Value { .. } => fault.into(),
     })
 }
 

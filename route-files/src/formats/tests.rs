@@ -398,6 +398,56 @@ fn a_fence_file_of_mavproxy_is_a_fence() {
     );
 }
 
+#[test]
+fn a_place_that_is_none_is_refused_with_its_line_before_it_is_sent() {
+    let gpx = |lat: &str| {
+        format!(
+            "<gpx><rte>\n<rtept lat=\"47\" lon=\"8\"><ele>9</ele></rtept>\n<rtept lat=\"{lat}\" lon=\"8\"><ele>9</ele></rtept></rte></gpx>"
+        )
+    };
+    let kml = |place: &str| {
+        format!(
+            "<kml><LineString><altitudeMode>absolute</altitudeMode>\n<coordinates>8,47,9\n{place}</coordinates></LineString></kml>"
+        )
+    };
+    for (name, text, expected) in [
+        (
+            "a.gpx",
+            gpx("407.3981"),
+            "a.gpx:3: waypoint 2: position: latitude is 407.3981, expected -90 to 90",
+        ),
+        (
+            "a.gpx",
+            gpx("NaN"),
+            "a.gpx:3: waypoint 2: position: latitude is NaN, expected a finite number",
+        ),
+        (
+            "a.kml",
+            kml("-188,47,9"),
+            "a.kml:3: waypoint 2: position: longitude is -188, expected -180 to 180",
+        ),
+        (
+            "a.kml",
+            kml("8,47,inf"),
+            "a.kml:3: waypoint 2: position: altitude is inf, expected a finite number",
+        ),
+        (
+            "a.csv",
+            "lat,lon,alt\n407.3981,8,9\n47,8,9\n".into(),
+            "a.csv:2: waypoint 1: position: latitude is 407.3981",
+        ),
+        (
+            "a.geojson",
+            "{\"type\":\"LineString\",\"coordinates\":[[8,47,9],\n[8,407.3981,9]]}".into(),
+            "a.geojson:2: waypoint 2: position: latitude is 407.3981",
+        ),
+    ] {
+        let read = content_to_send(Path::new(name), text.into_bytes(), &Import::default());
+        let fault = read.err().expect(name).to_string();
+        assert!(fault.starts_with(expected), "{fault}");
+    }
+}
+
 /// Of a file that somebody else sends: 256 KiB, the most that a web client's frame holds, made to cost as much as it can.
 #[test]
 fn a_file_that_was_made_to_cost_time_or_memory_is_read_at_once_or_refused() {
