@@ -176,8 +176,12 @@ impl Mission {
         if self.disarmed_inactive && self.activated && self.index + 1 >= self.items.len() {
             self.index = 0;
             self.jumps.fill(0);
-            self.speed = None;
         }
+        // PX4 resets the speed and repeats the last one before the current item (mission_base.cpp,
+        // `replayCachedSpeedChangeItems`); a jump within the mission keeps the present one.
+        let mut before = self.items.iter().take(self.index).rev();
+        let set = before.find(|item| item.command == CHANGE_SPEED);
+        self.speed = set.and_then(commanded_speed);
         self.activated = true;
         self.disarmed_inactive = false;
         self.finished = false;
@@ -461,8 +465,7 @@ impl Mission {
         }
         match item.command {
             CHANGE_SPEED => {
-                let speed = f64::from(item.params[1]);
-                self.speed = (speed > 0.0).then_some(speed);
+                self.speed = commanded_speed(item);
             }
             RETURN_TO_LAUNCH => notes.push(Note::ReturnHome),
             _ if !has_place(item) => notes.push(Note::Action(*item)),
@@ -658,6 +661,12 @@ impl Mission {
         }
         None
     }
+}
+
+/// DO_CHANGE_SPEED.param2; PX4 takes one that is not above 0 for its own speed.
+fn commanded_speed(item: &Item) -> Option<f64> {
+    let speed = f64::from(item.params[1]);
+    (speed > 0.0).then_some(speed)
 }
 
 /// DO_VTOL_TRANSITION.param1: MAV_VTOL_STATE_FW; any other value is a hover.

@@ -100,14 +100,6 @@ fn set_current_works_in_any_mode_and_refuses_what_is_not_there() {
         flight.mission_current().mission_state,
         MissionState::MISSION_STATE_PAUSED
     );
-    #[allow(deprecated, reason = "PX4 takes this and refuses its successor")]
-    let select = |seq| {
-        MavMessage::MISSION_SET_CURRENT(mav::MISSION_SET_CURRENT_DATA {
-            seq,
-            target_system: 1,
-            target_component: 1,
-        })
-    };
     flight.send(&select(3));
     flight.run(1.2);
     assert_eq!(flight.mission_current().seq, 3);
@@ -117,6 +109,52 @@ fn set_current_works_in_any_mode_and_refuses_what_is_not_there() {
     assert_eq!(flight.set_mode(Mode::Mission), Some(0));
     flight.run(1.0);
     assert_eq!(flight.vehicle.truth().mission_seq, 3);
+}
+
+#[allow(deprecated, reason = "PX4 takes this and refuses its successor")]
+fn select(seq: u16) -> MavMessage {
+    MavMessage::MISSION_SET_CURRENT(mav::MISSION_SET_CURRENT_DATA {
+        seq,
+        target_system: 1,
+        target_component: 1,
+    })
+}
+
+/// Seen on v1.18: the speed is reset where AUTO.MISSION is entered, and the last one before the current item repeated.
+#[test]
+fn a_jump_keeps_the_present_speed_and_entering_the_mission_repeats_that_of_its_items() {
+    let mut flight = Flight::ready();
+    let plan = vec![
+        takeoff(10.0),
+        waypoint(400.0, 0.0, 10.0),
+        action(178, [1.0, 2.0, -1.0, 0.0]),
+        waypoint(800.0, 0.0, 10.0),
+    ];
+    assert_eq!(flight.upload(&plan), Some(0));
+    assert_eq!(flight.command(300, &[0.0]), Some(0));
+    assert!(flight.until(60.0, |t| t.mission_seq == 1));
+    let is_flown = |flight: &mut Flight, expected: f64| {
+        flight.run(12.0);
+        let found = flight.vehicle.truth().velocity.horizontal();
+        assert!(
+            (found - expected).abs() < 0.5,
+            "{found:.2} m/s, expected {expected} m/s"
+        );
+    };
+    let enter_again = |flight: &mut Flight| {
+        assert_eq!(flight.set_mode(Mode::Loiter), Some(0));
+        flight.run(1.0);
+        assert_eq!(flight.set_mode(Mode::Mission), Some(0));
+    };
+    is_flown(&mut flight, 5.0);
+    flight.send(&select(3));
+    is_flown(&mut flight, 5.0);
+    enter_again(&mut flight);
+    is_flown(&mut flight, 2.0);
+    flight.send(&select(1));
+    is_flown(&mut flight, 2.0);
+    enter_again(&mut flight);
+    is_flown(&mut flight, 5.0);
 }
 
 #[test]
