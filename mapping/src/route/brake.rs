@@ -11,7 +11,7 @@
 use curve_paths::flight::CURVE_SWING_S;
 use mavlink_link::service::mission::Item;
 
-use super::item::{DO_CHANGE_SPEED, DO_JUMP, NAV_WAYPOINT};
+use super::item::{DO_CHANGE_SPEED, DO_JUMP, NAV_WAYPOINT, speed_before};
 use crate::limits::{ACCEPTANCE_M, Performance};
 
 /// Makes PX4 brake for each of these waypoints that it reaches or leaves with a climb or a descent, if the waypoint has its
@@ -33,7 +33,7 @@ pub(crate) fn where_height_changes(
             continue;
         }
         let own = item.params[1] <= 0.0;
-        let speed_m_s = speed_m_s(items, at).unwrap_or(performance.cruise_m_s);
+        let speed_m_s = speed_before(items, at).map_or(performance.cruise_m_s, f64::from);
         let fast = !own || is_fast(speed_m_s, performance);
         if fast && changes_height(items, at, own && !narrow) {
             braked.push(at);
@@ -118,15 +118,6 @@ fn differs(items: &[Item], at: usize, other: &Item) -> bool {
 /// Whether PX4's own radius is crossed in less time than a swing of the height takes.
 fn is_fast(speed_m_s: f64, performance: &Performance) -> bool {
     SWING_S * speed_m_s > 2.0 * performance.acceptance_m
-}
-
-/// The speed at which the item is reached, m/s; `None` before the route has set one.
-fn speed_m_s(items: &[Item], at: usize) -> Option<f64> {
-    let before = items.iter().take(at).rev();
-    before
-        .filter(|item| item.command == DO_CHANGE_SPEED)
-        .map(|item| f64::from(item.params[1]))
-        .find(|speed| *speed > 0.0)
 }
 
 /// Heights that differ by less than this count as equal, m. PX4 reacts to 1 mm, but overshoots by at most the

@@ -194,6 +194,8 @@ impl<'a> Draft<'a> {
         let before = self.compiled.order.last().copied();
         distance(&leg, before.as_ref(), site).map_err(at)?;
         self.on_wings(&leg).map_err(at)?;
+        let planned_m_s = leg.speed_m_s;
+        let planned_m_s = planned_m_s.unwrap_or_else(|| self.compiled.speed_m_s(site));
         curve::check(plan, number, waypoint).map_err(at)?;
         let begun_at = self.compiled.items.len();
         // Before the speed: a sensor points where it must as soon as the leg begins.
@@ -226,7 +228,7 @@ impl<'a> Draft<'a> {
         }
         self.arrive(&leg, waypoint, curve.as_ref()).map_err(at)?;
         if let Some(chords) = &curve {
-            self.end_curve(&leg, chords, begun_at);
+            self.end_curve(&leg, chords, begun_at, planned_m_s);
         }
         self.act(&leg, loiter).map_err(at)?;
         self.turn(&leg).map_err(at)?;
@@ -433,8 +435,8 @@ impl<'a> Draft<'a> {
         Ok(())
     }
 
-    /// Ends a curve whose items start at `begun_at`.
-    fn end_curve(&mut self, leg: &Leg, chords: &curve::Chords, begun_at: usize) {
+    /// Ends a curve whose items start at `begun_at`; `speed_m_s` is the requested speed.
+    fn end_curve(&mut self, leg: &Leg, chords: &curve::Chords, begun_at: usize, speed_m_s: f64) {
         let site = *self.site();
         let compiled = &mut self.compiled;
         // P1 is a vertex of the curve too, so it gets the curve's acceptance radius.
@@ -445,8 +447,7 @@ impl<'a> Draft<'a> {
         }
         // The curve was flown slower than requested: the speed after it is the requested one again.
         if chords.slowed {
-            let wished_m_s = leg.speed_m_s.unwrap_or_else(|| compiled.speed_m_s(&site));
-            compiled.push(leg.number, change_speed(wished_m_s, site.hovers()));
+            compiled.push(leg.number, change_speed(speed_m_s, site.hovers()));
         }
     }
 
@@ -460,11 +461,11 @@ impl<'a> Draft<'a> {
             if let Some((to, _)) = self.plan.curves_from(leg.number).next() {
                 return Err(Reason::CurveClosesLoop(to));
             }
-            self.compiled.push(leg.number, jump);
             // The loop's start would be reached in the other state of a VTOL than on the first lap.
             if self.hovered.get(&next) != Some(&self.hovers) {
                 return Err(Reason::TransitionInLoop(next));
             }
+            self.jump_back(leg.number, jump);
         }
         let start = self.compiled.order.iter().find(|leg| leg.number == next);
         if let Some(start) = start.copied() {
@@ -475,6 +476,22 @@ impl<'a> Draft<'a> {
             }
         }
         Ok(0)
+    }
+
+    /// Adds the jump from the end of a loop. Each lap has the speeds of the first, for which the route is planned: PX4 would keep
+    /// the speed of the last leg where the start sets none.
+    fn jump_back(&mut self, number: u16, jump: Item) {
+        let site = *self.site();
+        let cruise_m_s = site.performance.cruise_m_s;
+        let compiled = &mut self.compiled;
+        let present_m_s = compiled.speed_before_m_s(compiled.items.len(), cruise_m_s);
+        let planned_m_s = compiled.speed_of_jump(jump.params[0] as u16, cruise_m_s);
+        // Compared as items hold them.
+        let differs = |planned_m_s: &f64| *planned_m_s as f32 != present_m_s as f32;
+        if let Some(planned_m_s) = planned_m_s.filter(differs) {
+            compiled.push(number, change_speed(planned_m_s, site.hovers()));
+        }
+        compiled.push(number, jump);
     }
 
     /// The finished mission; `None` if nothing was added.

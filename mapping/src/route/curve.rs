@@ -115,12 +115,7 @@ pub(super) fn accept(item: &mut Item, chords: &Chords) {
 /// must stay within the radius for as long as that takes (`CURVE_SWING_S`).
 pub(super) fn widen(items: &mut [Item], end: usize, performance: &Performance) {
     let z = |item: &Item| (item.frame, item.z);
-    let speed_m_s = items
-        .iter()
-        .take(end)
-        .rev()
-        .find(|item| item.command == DO_CHANGE_SPEED)
-        .map_or(performance.cruise_m_s as f32, |item| item.params[1]);
+    let speed_m_s = item::speed_before(items, end).unwrap_or(performance.cruise_m_s as f32);
     let next = items.iter().skip(end + 1).find(|item| item.is_flown_to());
     let differs = items
         .get(end)

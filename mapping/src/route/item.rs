@@ -152,6 +152,16 @@ pub(super) fn prepares_leg(item: &Item) -> bool {
     )
 }
 
+/// The speed that the items before this one leave in force, m/s, in the order of their index: PX4 flies the item with it where
+/// no jump leads there, and where AUTO.MISSION is entered. `None` before the first.
+pub(super) fn speed_before(items: &[Item], at: usize) -> Option<f32> {
+    let before = items.iter().take(at).rev();
+    before
+        .filter(|item| item.command == DO_CHANGE_SPEED)
+        .map(|item| item.params[1])
+        .find(|speed_m_s| *speed_m_s > 0.0)
+}
+
 /// MISSION_ITEM_INT's unit of latitude and longitude.
 pub(crate) fn degrees_e7(degrees: f64) -> i32 {
     (degrees * 1e7).round() as i32

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::brake;
 use super::error::{Reason, RouteError};
 use super::item::{
-    self, DO_JUMP, DO_LAND_START, DO_VTOL_TRANSITION, NAV_LAND, NAV_LOITER_UNLIM, NAV_VTOL_LAND,
-    VTOL_STATE_MC, degrees_e7,
+    self, DO_CHANGE_SPEED, DO_JUMP, DO_LAND_START, DO_VTOL_TRANSITION, NAV_LAND, NAV_LOITER_UNLIM,
+    NAV_VTOL_LAND, VTOL_STATE_MC, degrees_e7,
 };
 use super::site::Site;
 use crate::altitude::Level;
@@ -168,6 +168,19 @@ impl CompiledMission {
         self.waypoint_of.get(at).copied()
     }
 
+    /// The speed that a jump to this item must bring along, m/s; `None` where an item on the way to its place sets one.
+    ///
+    /// It is the speed that the leg is planned for: that of the items before, the vehicle's cruise speed before any. PX4 v1.18
+    /// flies it where it comes from those items or enters AUTO.MISSION, but keeps the present speed over DO_JUMP and
+    /// MISSION_SET_CURRENT.
+    #[must_use]
+    pub fn speed_of_jump(&self, seq: u16, cruise_m_s: f64) -> Option<f64> {
+        let way = usize::from(seq)..usize::from(self.place_from(seq));
+        let mut way = self.items.get(way).unwrap_or_default().iter();
+        let sets = way.any(|item| item.command == DO_CHANGE_SPEED);
+        (!sets).then(|| self.speed_before_m_s(seq.into(), cruise_m_s))
+    }
+
     /// The first item with a position at or after this one: PX4 executes the ones before it immediately.
     #[must_use]
     pub fn place_from(&self, seq: u16) -> u16 {
@@ -300,6 +313,11 @@ impl CompiledMission {
         self.push(last.number, item);
     }
 
+    /// The speed in force where an item begins that is reached from the items before it, m/s.
+    pub(super) fn speed_before_m_s(&self, at: usize, cruise_m_s: f64) -> f64 {
+        item::speed_before(&self.items, at).map_or(cruise_m_s, f64::from)
+    }
+
     /// The speed commanded last in the present state of a VTOL, m/s; PX4's own cruise speed before any.
     pub(super) fn speed_m_s(&self, site: &Site) -> f64 {
         let turns = |item: &Item| item.command == DO_VTOL_TRANSITION;
@@ -307,10 +325,14 @@ impl CompiledMission {
         let at = turned.and_then(|at| self.waypoint_of.get(at));
         let at = at.and_then(|number| self.order.iter().position(|leg| leg.number == *number));
         let since = self.order.iter().skip(at.map_or(0, |at| at + 1));
-        since
+        let of_legs_m_s = since
             .rev()
             .find_map(|leg| leg.speed_m_s)
-            .unwrap_or(site.performance.cruise_m_s)
+            .unwrap_or(site.performance.cruise_m_s);
+        // The speed of a loiter lasts where its leg has none to return to. An item holds a speed in single precision.
+        item::speed_before(&self.items, self.items.len())
+            .filter(|set_m_s| *set_m_s != of_legs_m_s as f32)
+            .map_or(of_legs_m_s, f64::from)
     }
 
     /// Adds an item of a waypoint.

@@ -9,7 +9,7 @@
 //! | Turn Type (0802.16) 0 or absent | acceptance radius 0: the vehicle's own, NAV_ACC_RAD |
 //! | Turn Type 1, fly over | acceptance radius 3 m: PX4 misses smaller ones for good |
 //! | loiter (13003) | NAV_LOITER_TIME or NAV_LOITER_UNLIM: `loiter` |
-//! | Waypoint Type (0802.17) 1, end of a loop | DO_JUMP after it: `waypoint` |
+//! | Waypoint Type (0802.17) 1, end of a loop | DO_JUMP after it: `waypoint`; DO_CHANGE_SPEED before the jump where the loop's start names no speed and would not have that of the first lap |
 //!
 //! In reading order: `site` (what a route is compiled for), `compile` (waypoint by waypoint), `waypoint`, `loiter` and
 //! `curve` (the items of each), `stream` (curves by set points), `brake` (where PX4 must stop), `clearance` (heights above the ground between waypoints),

@@ -7,7 +7,7 @@
 //!   ([`CompiledMission::speed_left_out_after`]).
 //! - It sets the speed after a jump. PX4 v1.18 repeats the last speed before the current item when AUTO.MISSION is entered
 //!   (mission_base.cpp, `replayCachedSpeedChangeItems`), but not on MISSION_SET_CURRENT within it, so the bridge sends the speed
-//!   with the jump ([`CompiledMission::speed_left_out`]).
+//!   with the jump, as that of each leg without a speed of its own ([`CompiledMission::speed_of_jump`]).
 
 use std::collections::BTreeSet;
 
@@ -18,14 +18,6 @@ use super::item::{DO_CHANGE_SPEED, DO_JUMP, DO_LAND_START, DO_VTOL_TRANSITION};
 use super::mission::{CompiledMission, touches_down};
 
 impl CompiledMission {
-    /// The speed of a leg, an index of `order`, that no item sets, since the legs before have it too; m/s.
-    #[must_use]
-    pub fn speed_left_out(&self, leg: usize) -> Option<f64> {
-        let leg = self.order.get(leg)?;
-        let (_, items) = self.runs().find(|(number, _)| *number == leg.number)?;
-        leg.speed_m_s.filter(|_| sets_no_speed(items))
-    }
-
     /// The first waypoint flown after a leg, an index of `order`, whose speed no item sets.
     ///
     /// Also one behind the route's next speed: a speed that is commanded on this leg may reach the vehicle behind that, after
@@ -191,9 +183,13 @@ mod tests {
             .collect()
     }
 
-    fn left_out(compiled: &CompiledMission) -> Vec<Option<f64>> {
-        let legs = 0..compiled.order.len();
-        legs.map(|leg| compiled.speed_left_out(leg)).collect()
+    /// The speed that a jump to each leg must bring along.
+    fn of_jumps(compiled: &CompiledMission) -> Vec<Option<f64>> {
+        let legs = compiled.order.iter();
+        let items = legs.map(|leg| compiled.first_item_of(leg.number).expect("an item"));
+        items
+            .map(|item| compiled.speed_of_jump(item, 3.0))
+            .collect()
     }
 
     #[test]
@@ -202,7 +198,7 @@ mod tests {
         assert_eq!((compiled.items.len(), set_at(&compiled)), (252, vec![1]));
         assert!(compiled.items[0].current);
         assert_eq!(compiled.items[0].command, DO_CHANGE_SPEED);
-        assert_eq!(left_out(&compiled)[..2], [None, Some(5.0)]);
+        assert_eq!(of_jumps(&compiled)[..2], [None, Some(5.0)]);
         let [note] = compiled.notes.as_slice() else {
             panic!("{:?}", compiled.notes)
         };
@@ -226,7 +222,7 @@ mod tests {
         let compiled = within(500, &plan(&[5.0; 250], |_| {})).expect("it fits");
         assert_eq!(set_at(&compiled), (1..=250).collect::<Vec<u16>>());
         assert_eq!(compiled.items.len(), 500);
-        assert_eq!(left_out(&compiled), [None; 250]);
+        assert_eq!(of_jumps(&compiled), [None; 250]);
         assert_eq!(compiled.speed_left_out_after(0), None);
         assert!(compiled.notes.is_empty(), "{:?}", compiled.notes);
     }
@@ -237,7 +233,7 @@ mod tests {
         let compiled = within(9, &sections).expect("it fits");
         assert_eq!(set_at(&compiled), [1, 4, 6]);
         let [slow, fast] = [Some(5.0), Some(6.0)];
-        assert_eq!(left_out(&compiled), [None, slow, slow, None, fast, None]);
+        assert_eq!(of_jumps(&compiled), [None, slow, slow, None, fast, None]);
         let after = [0, 2, 3, 4, 5].map(|leg| compiled.speed_left_out_after(leg));
         assert_eq!(after, [Some(2), Some(5), Some(5), None, None]);
         let fault = within(8, &sections).expect_err("9 items remain");
@@ -265,6 +261,72 @@ mod tests {
         assert_eq!(compiled.items[3].command, DO_CHANGE_SPEED);
         // On the next lap waypoint 4 follows the end.
         assert_eq!(compiled.speed_left_out_after(5), Some(4));
+    }
+
+    #[test]
+    fn each_lap_has_the_speeds_of_the_first() {
+        // Of each leg, and where the loop starts; 0 is none.
+        let lap = |speeds_m_s: &[f64], start: u16| {
+            plan(speeds_m_s, |waypoint| {
+                if waypoint
+                    .waypoint_to_speed
+                    .is_some_and(|speed| speed.si() == 0.0)
+                {
+                    waypoint.waypoint_to_speed = None;
+                }
+                if waypoint.next_waypoint == Some(0) {
+                    waypoint.waypoint_type = Some(WaypointType::EndOfLoop);
+                    waypoint.next_waypoint = Some(start);
+                    waypoint.limit_type = Some(LimitType::Count);
+                    waypoint.loop_limit = Some(3);
+                }
+            })
+        };
+        let cruise_m_s = site().performance.cruise_m_s;
+        let before_the_jump = |plan: &Plan| {
+            let compiled = within(500, plan).expect("it fits");
+            let [.., before, jump] = compiled.items.as_slice() else {
+                panic!("{:?}", compiled.items)
+            };
+            assert_eq!(jump.command, DO_JUMP);
+            assert!(compiled.circuit().is_some());
+            (before.command == DO_CHANGE_SPEED).then(|| f64::from(before.params[1]))
+        };
+        let cases: [(&[f64], u16, Option<f64>); 5] = [
+            // The speed in force before the start is the vehicle's own, or that of a leg before it.
+            (&[0.0, 0.0, 12.0], 1, Some(cruise_m_s)),
+            (&[7.0, 0.0, 0.0, 12.0], 2, Some(7.0)),
+            // The start sets its own speed, or no leg has another one.
+            (&[6.0, 0.0, 12.0], 1, None),
+            (&[7.0, 0.0, 0.0, 0.0], 2, None),
+            (&[0.0; 3], 1, None),
+        ];
+        for (speeds_m_s, start, expected) in cases {
+            let found = before_the_jump(&lap(speeds_m_s, start));
+            assert_eq!(found, expected, "{speeds_m_s:?} from {start}");
+        }
+        // It is an item too, and is never left out.
+        let long = lap(&[5.0, 0.0, 12.0, 12.0, 12.0], 2);
+        let fitted = within(10, &long).expect("it fits");
+        assert_eq!(fitted.items[8], change_speed(5.0, true));
+        assert_eq!(fitted.items[9].params[0], 2.0);
+        let fault = within(9, &long).expect_err("10 items remain");
+        assert_eq!(fault.reason, Reason::TooManyItems(9));
+    }
+
+    #[test]
+    fn a_jump_brings_the_speed_along_that_no_item_sets() {
+        let route = plan(&[0.0, 0.0, 12.0, 0.0], |waypoint| {
+            if waypoint
+                .waypoint_to_speed
+                .is_some_and(|speed| speed.si() == 0.0)
+            {
+                waypoint.waypoint_to_speed = None;
+            }
+        });
+        let compiled = within(500, &route).expect("it fits");
+        let own = Some(3.0);
+        assert_eq!(of_jumps(&compiled), [own, own, None, Some(12.0)]);
     }
 
     #[test]

@@ -2,8 +2,10 @@
 
 use kit::bridge::{Rig, Setup, cucs, orders, vehicle_id};
 use px4_sim::{Config, Param};
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, TurnType};
-use stanag_msgs::messages::{CurveSegmentPaper, VehicleOperatingModeCommand};
+use stanag_msgs::enums::{
+    AckType, FlightPathControlMode as Mode, LimitType, TurnType, WaypointType,
+};
+use stanag_msgs::messages::{CurveSegmentPaper, UaPositionWaypoint, VehicleOperatingModeCommand};
 use stanag_msgs::{Message, Scaled};
 
 /// Waypoints to the north, 25 m apart, each to be flown over at 5 m/s, `climb_m` above the one before.
@@ -90,6 +92,48 @@ fn a_speed_at_which_a_waypoint_of_the_climb_would_be_missed_is_refused() {
     assert!(rig.station().has_alert("could miss waypoint 1"));
     rig.done(fly_at(5.0));
     assert!(rig.until(200.0, |rig| rig.truth().position.n > 495.0));
+}
+
+/// PX4 keeps the speed of the last leg over the jump, and would climb with it where nothing was planned for it.
+#[test]
+fn a_climb_without_a_speed_has_that_of_the_first_lap_on_each() {
+    let mut rig = Rig::ready();
+    let end = UaPositionWaypoint {
+        waypoint_to_speed: Scaled::from_si(12.0).ok(),
+        waypoint_type: Some(WaypointType::EndOfLoop),
+        limit_type: Some(LimitType::Count),
+        loop_limit: Some(3),
+        ..orders::waypoint(3, 1, 200.0, 150.0, 30.0)
+    };
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 100.0, 0.0, 20.0).into(),
+        orders::waypoint(2, 3, 200.0, 0.0, 30.0).into(),
+        end.into(),
+    ]);
+    rig.done(orders::load());
+    rig.take_off(20.0);
+    rig.done(orders::mode(Mode::Waypoint));
+    // The items: waypoint 1, the climb to 2, a speed, the fast leg to 3, the speed of the first lap, the jump.
+    let climb = 1;
+    let (mut laps, mut before, mut fastest) = (0, 0, [0.0_f64; 4]);
+    for _ in 0..6_000 {
+        rig.run(0.1);
+        let at = rig.truth();
+        if at.mode != px4_sim::Mode::Mission {
+            break;
+        }
+        laps += u32::from(at.mission_seq == climb && before != climb);
+        before = at.mission_seq;
+        if let Some(fastest) = fastest.get_mut(usize::from(before)) {
+            *fastest = fastest.max(at.velocity.horizontal());
+        }
+    }
+    assert_ne!(rig.truth().mode, px4_sim::Mode::Mission, "it ends");
+    assert_eq!(laps, 3);
+    let [_, climbing_m_s, _, fast_m_s] = fastest;
+    assert!(fast_m_s > 9.0, "{fast_m_s} m/s on the leg to 3");
+    assert!(climbing_m_s < 5.5, "{climbing_m_s} m/s on the climb");
 }
 
 #[test]

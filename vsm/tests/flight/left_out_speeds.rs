@@ -1,5 +1,5 @@
 //! A route with more items than the vehicle stores leaves out repeated speeds: a 2016 whose speed nothing would end is refused, and
-//! a jump within the route is flown at the speed of its leg.
+//! a jump within any route is flown at the speed that its leg is planned for.
 
 use kit::bridge::{Rig, Setup, orders};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
@@ -98,6 +98,38 @@ fn a_route_that_fits_takes_a_speed_for_its_leg() {
     assert!(!rig.station().has_alert("are left out"));
     rig.done(at_speed(4.0));
     assert_flown(&mut rig, 4.0);
+}
+
+/// A leg without a speed is planned for that of the legs before, and for the vehicle's own before any.
+#[test]
+fn a_jump_to_a_leg_without_a_speed_is_flown_at_that_which_it_is_planned_for() {
+    let waypoints = [None, None, Some(10.0), None];
+    let waypoints = (1_u16..).zip(waypoints).map(|(number, speed_m_s)| {
+        let next = (number + 1) % 5;
+        Message::from(UaPositionWaypoint {
+            waypoint_to_speed: speed_m_s.map(Scaled::saturating_from_si),
+            ..orders::waypoint(number, next, 600.0 * f64::from(number), 0.0, 20.0)
+        })
+    });
+    let mut rig = Rig::ready();
+    rig.send_plan(
+        std::iter::once(orders::route(1).into())
+            .chain(waypoints)
+            .collect(),
+    );
+    rig.done(orders::load());
+    rig.take_off(20.0);
+    rig.done(orders::mode(Mode::Waypoint));
+    assert_flown(&mut rig, 5.0);
+    for (number, expected_m_s) in [(3, 10.0), (2, 5.0), (4, 10.0), (1, 5.0)] {
+        rig.done(to_waypoint(number));
+        assert_flown(&mut rig, expected_m_s);
+    }
+    // A speed that is commanded for a leg ends with the jump too.
+    rig.done(at_speed(8.0));
+    assert_flown(&mut rig, 8.0);
+    rig.done(to_waypoint(2));
+    assert_flown(&mut rig, 5.0);
 }
 
 #[test]
