@@ -294,4 +294,39 @@ fn what_is_left_of_a_lost_upload_is_never_loaded_as_a_shorter_route() {
     assert!(rig.station().has_alert("came without a 13001"));
 }
 
+/// Its 13001 lost, an upload is in no route, and the route of before must not be loaded in its place.
+#[test]
+fn an_upload_without_its_13001_does_not_load_the_route_of_before() {
+    let mut rig = Rig::ready();
+    loaded(&mut rig, orders::square());
+    let aboard = |rig: &Rig| rig.vehicles[0].vehicle().plan(MISSION).to_vec();
+    let before = aboard(&rig);
+    let chain = || -> Vec<Message> {
+        vec![
+            orders::waypoint(3, 4, 30.0, 0.0, 20.0).into(),
+            orders::waypoint(4, 0, 60.0, 0.0, 20.0).into(),
+        ]
+    };
+    rig.send_plan(chain());
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
+    assert!(rig.station().has_alert("waypoint 3 is in no route"));
+    assert_eq!(aboard(&rig), before);
+    // Repeated, the 13000 loads no other route either.
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
+    let whole = std::iter::once(orders::route(3).into()).chain(chain());
+    loaded(&mut rig, whole.collect());
+    assert_eq!(aboard(&rig).len(), 2);
+}
+
+#[test]
+fn a_changed_route_is_reported_where_its_13001_was_not_sent_again() {
+    let mut rig = Rig::ready();
+    loaded(&mut rig, orders::square());
+    rig.done(orders::waypoint(103, 104, 0.0, 80.0, 30.0));
+    assert!(!rig.station().has_alert("came without a 13001"));
+    rig.done(orders::load());
+    let text = "came without a 13001: they change the routes received before";
+    assert!(rig.station().has_alert(text));
+}
+
 const MISSION: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;

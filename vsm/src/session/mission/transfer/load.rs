@@ -45,7 +45,8 @@ impl Transfers {
         let begun = free.map_err(str::to_owned).and(found);
         let begun = begun.map_err(|why| (None, why)).and_then(|found| {
             let part = store.offered(cucs).part(&found.0);
-            payload_action::may_load(context, cucs, &part).map(|()| found)
+            payload_action::may_load(context, cucs, &part)?;
+            is_of_a_route(store.offered(cucs), store.plan()).map(|()| found)
         });
         let (route, route_type) = match begun {
             Ok(found) => found,
@@ -57,6 +58,9 @@ impl Transfers {
         let flights = store.offered(cucs).routes().iter();
         let flights = flights.filter(|route| mapping::plan::route_type(route) == RouteType::Flight);
         let several = flights.count() > 1;
+        let changes = store.upload_of(cucs).1;
+        let changes =
+            changes.is_some_and(|sent| sent.routes().is_empty() && sent.numbers().next().is_some());
         if let Err(why) = store.begin_load(command, cucs, effects) {
             return status::reject(effects, origin, &name, Mode::Load, None, why);
         }
@@ -69,6 +73,10 @@ impl Transfers {
         if !store.to_load().defines(&route) {
             effects.advise(
                 "the waypoints came without a 13001: they are loaded as a route of type flight, from waypoint 1",
+            );
+        } else if changes {
+            effects.advise(
+                "the waypoints came without a 13001: they change the routes received before, and make no route of their own",
             );
         }
         status::report(effects, origin.station, &name, 0);
@@ -316,6 +324,34 @@ fn route_to_load(plan: &Plan, route_id: Option<&str>) -> Result<(UaRoute, RouteT
     };
     let route_type = mapping::plan::route_type(&route);
     Ok((route, route_type))
+}
+
+/// Checks that an upload has changed a route, if it has changed waypoints: where its 13001 was lost, the 13000 would load an
+/// earlier route in place of the one that was sent.
+///
+/// # Errors
+/// None of its waypoints is in a route: the first of them, and why.
+fn is_of_a_route(offered: &Plan, stored: &Plan) -> Result<(), (Option<u16>, String)> {
+    let changed = |number: &u16| offered.waypoint(*number) != stored.waypoint(*number);
+    let changed: Vec<u16> = offered.numbers().filter(changed).collect();
+    let [first, ..] = changed.as_slice() else {
+        return Ok(());
+    };
+    let implied = offered.route_of_waypoints();
+    let mut routes = offered.routes().iter().chain(&implied);
+    let in_a_route = routes.any(|route| {
+        let part = offered.part(route);
+        changed
+            .iter()
+            .any(|number| part.waypoint(*number).is_some())
+    });
+    if in_a_route {
+        return Ok(());
+    }
+    let why = format!(
+        "waypoint {first} is in no route, and no other that was sent with it: send the whole route, with its 13001, then 13000"
+    );
+    Err((Some(*first), why))
 }
 
 fn without_route(plan: &Plan) -> String {
