@@ -23,6 +23,27 @@ pub struct Alert {
 /// Longest text of one 16000 (field Text: 80 bytes with the closing NUL).
 pub const TEXT: usize = 79;
 
+/// Longest text of a vehicle that is reported: three messages of 16000. PX4's longest texts and events fit; a STATUSTEXT in 256
+/// chunks would be 162 messages, at the cost of what a station is sent of other vehicles.
+pub const MAX_TEXT: usize = 3 * TEXT;
+
+/// A text of a vehicle, at most [`MAX_TEXT`] characters; `…` stands for the rest.
+#[must_use]
+pub fn shortened(mut text: String) -> String {
+    if text.chars().nth(MAX_TEXT).is_some() {
+        let end = text.char_indices().nth(MAX_TEXT - 1);
+        text.truncate(end.map_or(0, |(at, _)| at));
+        text.push('…');
+    }
+    text
+}
+
+/// How many messages a text takes.
+#[must_use]
+pub fn count(text: &str) -> u32 {
+    u32::try_from(split(text).len()).unwrap_or(u32::MAX)
+}
+
 /// The priority of a STATUSTEXT severity.
 #[must_use]
 pub fn priority(severity: MavSeverity) -> AlertPriority {
@@ -115,5 +136,16 @@ mod tests {
         assert_eq!(parts.concat(), text);
         assert_eq!(split(&"x".repeat(200)).concat(), "x".repeat(200));
         assert_eq!(split(""), [""]);
+    }
+
+    #[test]
+    fn a_text_of_a_vehicle_takes_few_messages_and_shows_that_it_was_cut() {
+        let whole = "ä".repeat(MAX_TEXT);
+        assert_eq!(shortened(whole.clone()), whole);
+        let cut = shortened("ä".repeat(MAX_TEXT + 1));
+        assert_eq!(cut.chars().count(), MAX_TEXT);
+        assert!(cut.ends_with("ä…"), "{cut}");
+        assert_eq!(count(&shortened("x".repeat(12_800))), 3);
+        assert_eq!((count(""), count("low battery")), (1, 1));
     }
 }

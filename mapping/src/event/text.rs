@@ -96,8 +96,8 @@ fn argument(form: &str, arguments: &[Argument]) -> String {
     }
 }
 
-/// Three messages of 16000: PX4's longest has 111 characters without arguments.
-pub(super) const MAX_TEXT: usize = 3 * crate::alert::TEXT;
+/// PX4's longest has 111 characters without arguments.
+pub(super) const MAX_TEXT: usize = crate::alert::MAX_TEXT;
 /// As many characters, of four bytes each.
 const MAX_BYTES: usize = 4 * MAX_TEXT;
 

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use mapping::alert::Alert;
+use mapping::alert::{Alert, count};
 use mapping::health::HealthFault;
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
@@ -200,7 +200,8 @@ impl Alerts {
             }
             return None;
         }
-        if self.late.is_empty() && self.changes.take(now, ALERTS) {
+        let messages = count(&raised.alert.text);
+        if self.late.is_empty() && self.changes.take_all(now, ALERTS, messages) {
             return Some(raised);
         }
         self.late.push(raised);
@@ -209,7 +210,8 @@ impl Alerts {
 
     /// The next delayed change, once the rate limit allows it.
     pub(crate) fn next_late(&mut self, now: Duration) -> Option<Raised> {
-        let due = !self.late.is_empty() && self.changes.take(now, ALERTS);
+        let messages = count(&self.late.first()?.alert.text);
+        let due = self.changes.take_all(now, ALERTS, messages);
         due.then(|| self.late.remove(0))
     }
 
@@ -327,16 +329,18 @@ impl Alerts {
             let forgotten = self.lately.iter().position(lesser).unwrap_or(0);
             self.lately.remove(forgotten);
         }
+        let whole = match self.left_out {
+            0 => text.clone(),
+            left_out => format!("{text} ({left_out} texts and events before it are not reported)"),
+        };
         let of = usize::from(priority != AlertPriority::Emergency);
-        if !self.notices[of].take(now, NOTICES) {
+        if !self.notices[of].take_all(now, NOTICES, count(&whole)) {
             self.left_out += 1;
             return None;
         }
-        self.lately.push((now, priority, text.clone()));
-        let text = match std::mem::take(&mut self.left_out) {
-            0 => text,
-            left_out => format!("{text} ({left_out} texts and events before it are not reported)"),
-        };
+        self.left_out = 0;
+        self.lately.push((now, priority, text));
+        let text = whole;
         Some(Raised {
             alert: Alert {
                 id: self.take_id(),
@@ -441,7 +445,8 @@ impl Alerts {
     /// When the next answer is cleared, or a delayed change may be sent.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         let over = self.answers.front().map(|oldest| oldest.until);
-        let late = (!self.late.is_empty()).then(|| self.changes.next_at(ALERTS));
+        let late = self.late.first();
+        let late = late.map(|one| self.changes.next_at(ALERTS, count(&one.alert.text)));
         over.into_iter().chain(late).min()
     }
 
@@ -591,6 +596,35 @@ mod tests {
                 )
                 .is_some()
         );
+    }
+
+    #[test]
+    fn a_long_text_takes_as_much_of_the_rate_as_its_messages() {
+        let mut alerts = Alerts::new(0);
+        let mut messages = 0;
+        for n in 0..10_000_u32 {
+            let now = Duration::from_millis(1) * n;
+            let text = format!("{n} {}", "x".repeat(230));
+            let raised = alerts.notice(now, AlertPriority::Warning, SubsystemId::VsmStatus, text);
+            messages += raised.map_or(0, |raised| count(&raised.alert.text));
+        }
+        // In ten seconds.
+        assert!((240..=330).contains(&messages), "{messages}");
+        let mut alerts = Alerts::new(0);
+        let mut messages = 0;
+        for n in 0..10_000_u32 {
+            let now = Duration::from_millis(1) * n;
+            let text = format!("{n} {}", "x".repeat(700));
+            let caution = AlertPriority::Caution;
+            let raised = alerts.raise(Cause::ArmingChecks, caution, SubsystemId::Comms, text);
+            let raised = raised.and_then(|raised| alerts.paced(now, raised));
+            for one in raised.into_iter().chain(alerts.next_late(now)) {
+                messages += count(&one.alert.text);
+            }
+        }
+        assert!((200..=410).contains(&messages), "{messages}");
+        let due = alerts.poll_timeout().expect("the latest text is delayed");
+        assert!(alerts.next_late(due).is_some());
     }
 
     #[test]

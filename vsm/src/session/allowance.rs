@@ -20,14 +20,19 @@ impl Allowance {
         self.full_at <= now
     }
 
-    /// When one can be taken out of it at the earliest.
-    pub(crate) fn next_at(&self, rate: Rate) -> Duration {
-        (self.full_at + rate.cost).saturating_sub(rate.burst())
+    /// When this many can be taken out of it at the earliest.
+    pub(crate) fn next_at(&self, rate: Rate, count: u32) -> Duration {
+        (self.full_at + rate.cost_of(count)).saturating_sub(rate.burst())
     }
 
     /// Takes one message out of it; false where there is none left.
     pub(crate) fn take(&mut self, now: Duration, rate: Rate) -> bool {
-        let full_at = self.full_at.max(now) + rate.cost;
+        self.take_all(now, rate, 1)
+    }
+
+    /// Takes this many messages that are sent together, or none; more than a full bucket has are a full bucket.
+    pub(crate) fn take_all(&mut self, now: Duration, rate: Rate, count: u32) -> bool {
+        let full_at = self.full_at.max(now) + rate.cost_of(count);
         let has = full_at <= now + rate.burst();
         if has {
             self.full_at = full_at;
@@ -100,6 +105,23 @@ mod tests {
         // What is not used does not gather beyond the burst.
         let taken = (0..1_000).filter(|_| bucket.take(Duration::from_secs(900), RATE));
         assert_eq!(taken.count(), 100);
+    }
+
+    #[test]
+    fn what_is_sent_together_is_taken_together_or_not_at_all() {
+        let mut bucket = Allowance::default();
+        let now = Duration::from_secs(50);
+        let taken = (0..1_000).filter(|_| bucket.take_all(now, RATE, 30));
+        assert_eq!(taken.count(), 3);
+        assert_eq!((0..1_000).filter(|_| bucket.take(now, RATE)).count(), 10);
+        let next = bucket.next_at(RATE, 30);
+        assert_eq!(next, now + 30 * RATE.cost);
+        assert!(!bucket.take_all(next - RATE.cost, RATE, 30));
+        assert!(bucket.take_all(next, RATE, 30));
+        // More than fits waits for a full bucket, not for ever.
+        let next = bucket.next_at(RATE, 1_000);
+        assert!(bucket.take_all(next, RATE, 1_000));
+        assert!(!bucket.take(next, RATE));
     }
 
     #[test]

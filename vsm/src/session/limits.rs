@@ -26,6 +26,11 @@ impl Rate {
     pub(crate) fn burst(self) -> Duration {
         self.cost * self.at_once
     }
+
+    /// The time that so many together cost.
+    pub(crate) fn cost_of(self, count: u32) -> Duration {
+        self.cost * count.min(self.at_once)
+    }
 }
 
 // What one station may send, counted for each of its addresses.
@@ -56,9 +61,9 @@ pub(crate) const PARAMETER_LISTS: Rate = Rate::one_in(Duration::from_secs(5), 4)
 pub(crate) const SAME_REFUSAL: Rate = Rate::one_in(Duration::from_secs(1), 2);
 /// All refusals to one station.
 pub(crate) const REFUSALS: Rate = Rate::one_in(Duration::from_millis(250), 32);
-/// Texts and events, emergencies apart from all others.
+/// Messages of texts and events, emergencies apart from all others: a long text is several.
 pub(crate) const NOTICES: Rate = Rate::one_in(Duration::from_millis(125), 240);
-/// Alerts that begin, change or end.
+/// Messages of alerts that begin, change or end.
 pub(crate) const ALERTS: Rate = Rate::one_in(Duration::from_millis(50), 200);
 /// Changes of mode that are reported by themselves.
 pub(crate) const MODES: Rate = Rate::one_in(Duration::from_millis(100), 40);

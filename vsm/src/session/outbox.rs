@@ -69,6 +69,15 @@ impl Datagram {
         empty.translated(bytes)
     }
 
+    /// The same with the type of another message, for tests of what waits.
+    #[cfg(test)]
+    pub(crate) fn with_type(self, message_type: u16) -> Datagram {
+        Datagram {
+            message_type,
+            ..self
+        }
+    }
+
     /// Takes the message of another behind its own; false where there is no room.
     fn take_in(&mut self, other: &Datagram) -> bool {
         let end = self.length + other.length;

@@ -115,19 +115,21 @@ impl Paths {
     /// Lets an answer wait for its credit.
     pub(crate) fn wait(&mut self, now: Duration, index: usize, datagram: Datagram) {
         if let Some(station) = self.stations.get_mut(index) {
-            if station.waiting.len() == MAX_WAITING {
-                station.waiting.pop_front();
-                station.missed = true;
-            }
             // An acknowledgement overtakes alerts here, as it does where it has credit at once.
             let is_first = |one: &Datagram| Kind::of_answer(one) == Kind::Acknowledgement;
-            let ahead = if is_first(&datagram) {
-                let mut waiting = station.waiting.iter();
-                waiting.position(|(_, other)| !is_first(other))
-            } else {
-                None
-            };
-            let place = ahead.unwrap_or(station.waiting.len());
+            let mut waiting = station.waiting.iter();
+            let after = waiting.position(|(_, other)| !is_first(other));
+            if station.waiting.len() == MAX_WAITING {
+                station.missed = true;
+                // Alerts never take the place of an acknowledgement: there may be many more of them.
+                match after {
+                    Some(oldest) => drop(station.waiting.remove(oldest)),
+                    None if is_first(&datagram) => drop(station.waiting.pop_front()),
+                    None => return,
+                }
+            }
+            let end = station.waiting.len();
+            let place = after.filter(|_| is_first(&datagram)).unwrap_or(end);
             station
                 .waiting
                 .insert(place, (now + LONGEST_WAIT, datagram));

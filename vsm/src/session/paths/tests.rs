@@ -203,6 +203,39 @@ fn an_answer_that_waits_for_the_shared_rate_is_sent_without_another_message() {
     assert!(waited < Duration::from_millis(200), "{waited:?}");
 }
 
+/// Alerts come in hundreds, and an acknowledgement once.
+#[test]
+fn alerts_that_wait_take_the_place_of_no_acknowledgement() {
+    let of_type = |message_type| {
+        let datagram = Datagram::of_ed25(Destination::Unicast(OWN), Id(0x1b00_00a0), &[0; 34]);
+        datagram.expect("it fits").with_type(message_type)
+    };
+    let (alert, acknowledgement) = (16_000, 17_000);
+    let types = |paths: &Paths| -> Vec<u16> {
+        let waiting = paths.stations[0].waiting.iter();
+        waiting.map(|(_, one)| one.message_type()).collect()
+    };
+    let now = Duration::from_secs(100);
+    let mut paths = Paths::new(LIMITS, [None].into_iter());
+    for round in 1..=3 {
+        paths.wait(now, 0, of_type(acknowledgement));
+        for _ in 0..400 {
+            paths.wait(now, 0, of_type(alert));
+        }
+        let types = types(&paths);
+        assert_eq!(types.len(), 256);
+        assert_eq!(types[..round], vec![acknowledgement; round]);
+        assert!(types[round..].iter().all(|one| *one == alert));
+    }
+    assert!(paths.take_missed(0));
+    // Where nothing else waits, the oldest of them is dropped for a later one, and none for an alert.
+    for _ in 0..400 {
+        paths.wait(now, 0, of_type(acknowledgement));
+    }
+    paths.wait(now, 0, of_type(alert));
+    assert_eq!(types(&paths), vec![acknowledgement; 256]);
+}
+
 /// When the station begins to send.
 const LATER_S: u32 = 10;
 const OWN: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::new(10, 9, 1, 1)), 40_000);

@@ -86,7 +86,8 @@ impl Vehicle {
             texts.handle_timeout(wall);
             while let Some(text) = texts.poll_event() {
                 let level = LogLevel::of(mapping::alert::priority(text.severity));
-                events.push((wall, entry(level, id, format!("{TEXT}{}", text.text))));
+                let text = mapping::alert::shortened(text.text);
+                events.push((wall, entry(level, id, format!("{TEXT}{text}"))));
             }
         }
         if is_of_payload(&message) {

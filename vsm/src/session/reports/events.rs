@@ -69,6 +69,10 @@ impl EventAlerts {
 
     /// A text of the vehicle.
     pub(super) fn text(&mut self, context: &Context<'_>, text: Text, effects: &mut Effects<'_>) {
+        let text = Text {
+            text: mapping::alert::shortened(text.text),
+            ..text
+        };
         let now = context.mono();
         let priority = mapping::alert::priority(text.severity);
         if text.is_event_twin {
