@@ -10,9 +10,11 @@
 //!   vehicle answers it, and are signed with the vehicle's key.
 //! - While a CUCS holds LOI 4 or 5, or the VSM flies for a lost one, it can only ask, unless `while_controlled` is set. A
 //!   command that is refused is answered with COMMAND_ACK, result DENIED.
+//! - What it asks has a rate for each vehicle, so that the answers leave room for what a CUCS commands. A command beyond it is answered
+//!   with result TEMPORARILY_REJECTED.
 //! - Nobody but who proves to have the key learns or moves where it is. What it is sent waits in a bounded queue.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use mavlink::Message as _;
@@ -29,7 +31,9 @@ use mavlink_link::store::Disk;
 use serde::Serialize;
 use stanag_msgs::Id;
 
+use super::allowance::Allowance;
 use super::counters::Counters;
+use super::limits::{FORWARDED_QUESTIONS, PARAMETER_LISTS};
 use super::link::frame::{OutFrame, Peer};
 use super::link::{link_state_name, needed_every_us};
 use crate::config;
@@ -44,10 +48,20 @@ pub(crate) struct Forward {
     link: Link<Peer>,
     key: Option<KeyState>,
     policy: Option<RelayPolicy>,
+    /// By the system id of a vehicle.
+    asked: BTreeMap<u8, Asked>,
     out: VecDeque<OutFrame>,
     counters: Counters,
     sent: u64,
     taken: u64,
+}
+
+/// Rate limits of what one vehicle is asked.
+#[derive(Debug, Default)]
+struct Asked {
+    /// PARAM_REQUEST_LIST.
+    lists: Allowance,
+    others: Allowance,
 }
 
 /// A verified frame of the ground station, and whom it is for: a system, or all.
@@ -104,6 +118,7 @@ impl Forward {
             config,
             link,
             key,
+            asked: BTreeMap::new(),
             out: VecDeque::new(),
             counters: Counters::default(),
             sent: 0,
@@ -242,15 +257,18 @@ impl Forward {
         let writes = self.config.unsigned
             && frame.header().message_id == FILE_TRANSFER
             && !reads_files(frame.payload());
+        let (asks, mut result) = (only_asks(&frame), MavResult::MAV_RESULT_DENIED);
         let why = match self.policy.as_ref()?.check(&frame, situation.px4) {
             Ok(()) if writes => "file transfer that writes",
             Ok(()) if situation.limited && sets_rates(&frame) => {
                 "rates are the bridge's (rate_bps)"
             }
-            Ok(())
-                if situation.controlled && !self.config.while_controlled && !only_asks(&frame) =>
-            {
+            Ok(()) if situation.controlled && !self.config.while_controlled && !asks => {
                 "a CUCS controls the vehicle"
+            }
+            Ok(()) if asks && !self.may_ask(now, system, &frame) => {
+                result = MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
+                "too many questions at once"
             }
             Ok(()) => {
                 self.taken += 1;
@@ -266,8 +284,17 @@ impl Forward {
             Ok(MavMessage::COMMAND_INT(of)) => of.command,
             _ => return None,
         };
-        self.deny(now, frame.header(), command, system, disk);
+        self.deny(now, frame.header(), (command, result), system, disk);
         None
+    }
+
+    /// Whether the rate of what a vehicle is asked has room for another question.
+    fn may_ask(&mut self, now: Now, system: u8, frame: &FrameView<'_>) -> bool {
+        let asked = self.asked.entry(system).or_default();
+        match frame.header().message_id {
+            PARAM_REQUEST_LIST => asked.lists.take(now.mono, PARAMETER_LISTS),
+            _ => asked.others.take(now.mono, FORWARDED_QUESTIONS),
+        }
     }
 
     /// The signing link id of what is passed on to a vehicle, where it is another than the bridge's own.
@@ -287,10 +314,17 @@ impl Forward {
     }
 
     /// COMMAND_ACK in the vehicle's place: who commands must not wait for an answer that never comes.
-    fn deny(&mut self, now: Now, of: Header, command: MavCmd, system: u8, disk: &mut dyn Disk) {
+    fn deny(
+        &mut self,
+        now: Now,
+        of: Header,
+        (command, result): (MavCmd, MavResult),
+        system: u8,
+        disk: &mut dyn Disk,
+    ) {
         let answer = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
             command,
-            result: MavResult::MAV_RESULT_DENIED,
+            result,
             target_system: of.system_id,
             target_component: of.component_id,
             ..COMMAND_ACK_DATA::default()
@@ -391,7 +425,7 @@ fn command_of(frame: &FrameView<'_>) -> Option<u16> {
 
 /// Whether a message asks the vehicle for something, and neither moves it nor changes what it will fly, nor takes away what
 /// the bridge flies by. What is not listed here is taken to.
-fn only_asks(frame: &FrameView<'_>) -> bool {
+pub(crate) fn only_asks(frame: &FrameView<'_>) -> bool {
     match command_of(frame) {
         Some(command) if command == MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL as u16 => {
             let payload = frame.payload();
@@ -425,6 +459,7 @@ fn leaves_the_bridge_its_own(message: f32, interval_us: f32) -> bool {
 /// 100 Hz.
 const FASTEST_US: f32 = 10_000.0;
 const HEARTBEAT: u32 = 0;
+const PARAM_REQUEST_LIST: u32 = 21;
 const REQUEST_DATA_STREAM: u32 = 66;
 const COMMAND_INT: u32 = 75;
 const COMMAND_LONG: u32 = 76;

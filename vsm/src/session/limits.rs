@@ -55,6 +55,12 @@ pub(crate) const PARAMETERS: Rate = Rate::one_in(Duration::from_millis(10), 1_00
 /// Complete lists of parameters: each takes the vehicle some seconds.
 pub(crate) const PARAMETER_LISTS: Rate = Rate::one_in(Duration::from_secs(5), 4);
 
+// What one ground station beside the bridge (`[[forward]]`) may ask of each vehicle. Lists have the rate of `PARAMETER_LISTS`.
+
+/// Questions: at once what a ground station asks as it connects, then as fast as it reads a mission. A command of a CUCS never waits
+/// behind more than that.
+pub(crate) const FORWARDED_QUESTIONS: Rate = Rate::one_in(Duration::from_millis(20), 200);
+
 // What stations are sent of one vehicle.
 
 /// The same refusal to one station.

@@ -2,9 +2,12 @@
 //! what the configuration lets it, signed, once, and not while a CUCS controls the vehicle.
 
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use kit::bridge::{FORWARD_KEYS, Rig, Setup, key, orders};
-use mavlink_link::dialect::{HEARTBEAT_DATA, MavCmd, MavMessage, MavResult, PARAM_SET_DATA};
+use mavlink_link::dialect::{
+    HEARTBEAT_DATA, MavCmd, MavMessage, MavResult, PARAM_REQUEST_LIST_DATA, PARAM_SET_DATA,
+};
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::service::{Node, command};
 use mavlink_link::signing::{SigningKey, Stamp, sign, verify};
@@ -16,6 +19,10 @@ fn at(port: u16) -> Peer {
 
 /// A frame of ground station 255, signed with a key where there is one.
 fn frame(rig: &Rig, key: Option<&SigningKey>, message: &MavMessage) -> Vec<u8> {
+    stamped(rig.now().wall, key, message)
+}
+
+fn stamped(wall: Duration, key: Option<&SigningKey>, message: &MavMessage) -> Vec<u8> {
     let incompat = if key.is_some() { INCOMPAT_SIGNED } else { 0 };
     let header = Header {
         system_id: 255,
@@ -26,7 +33,7 @@ fn frame(rig: &Rig, key: Option<&SigningKey>, message: &MavMessage) -> Vec<u8> {
     let mut bytes = [0; MAX_FRAME];
     let mut length = encode(message, header, &mut bytes);
     if let Some(key) = key {
-        let stamp = Stamp::from_unix(rig.now().wall);
+        let stamp = Stamp::from_unix(wall);
         length = sign(key, 0, stamp, &mut bytes, length).expect("signed");
     }
     bytes[..length].to_vec()
@@ -264,6 +271,80 @@ fn while_a_cucs_controls_it_can_only_ask() {
         let refused = status(&rig, 0).refused.get("a CUCS controls the vehicle");
         assert_eq!(refused, u64::from(!moves));
     }
+}
+
+/// Sends a message so many times at once.
+fn send_at_once(rig: &mut Rig, message: &MavMessage, times: u32) {
+    rig.run(0.1);
+    let begun = rig.now().wall;
+    for number in 0..times {
+        // Each stamp is newer than the last.
+        let wall = begun + number * Duration::from_micros(100);
+        let bytes = stamped(wall, Some(&key(FORWARD_KEYS)), message);
+        deliver(rig, 0, at(50_000), &bytes);
+    }
+    rig.run(0.1);
+}
+
+fn list() -> MavMessage {
+    MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA {
+        target_system: 1,
+        target_component: 1,
+    })
+}
+
+#[test]
+fn what_it_asks_has_a_rate_and_what_it_commands_has_none() {
+    let mut rig = rig(COMMANDER);
+    send(&mut rig, 0, &heartbeat());
+    let since = rig.forwarded.len();
+    let ask = command(MavCmd::MAV_CMD_REQUEST_MESSAGE, 1, 242.0);
+    send_at_once(&mut rig, &ask, 300);
+    let (taken, refused) = (status(&rig, 0).taken, status(&rig, 0).refused);
+    assert!((200..=210).contains(&taken), "{taken}");
+    let too_many = "too many questions at once";
+    assert_eq!(refused.get(too_many), 300 - taken);
+    let rejected = results(&rig, since);
+    let rejected = rejected
+        .iter()
+        .filter(|(_, result)| *result == MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
+    assert_eq!(rejected.count() as u64, 300 - taken);
+    send_at_once(&mut rig, &list(), 20);
+    assert_eq!(status(&rig, 0).taken, taken + 4);
+    send(&mut rig, 0, &arm());
+    rig.run(0.5);
+    assert!(rig.vehicles[0].vehicle().truth().armed);
+    // Later it may ask again.
+    let taken = status(&rig, 0).taken;
+    rig.run(6.0);
+    send(&mut rig, 0, &ask);
+    send(&mut rig, 0, &list());
+    assert_eq!(status(&rig, 0).taken, taken + 2);
+}
+
+#[test]
+fn on_a_slow_link_what_it_asks_waits_for_room_and_what_it_commands_does_not() {
+    let mut rig = Rig::new(Setup {
+        tables: COMMANDER,
+        vehicle_keys: "rate_bps = 57600\n",
+        ..Setup::default()
+    });
+    rig.run(20.0);
+    send(&mut rig, 0, &heartbeat());
+    let no_room = |rig: &Rig| {
+        let refused = status(rig, 0).refused;
+        refused.get("no room on the vehicle's link (rate_bps)")
+    };
+    let ask = command(MavCmd::MAV_CMD_REQUEST_MESSAGE, 1, 242.0);
+    send_at_once(&mut rig, &ask, 100);
+    assert!(no_room(&rig) >= 98, "{}", no_room(&rig));
+    rig.run(5.0);
+    let before = no_room(&rig);
+    send_at_once(&mut rig, &list(), 4);
+    assert!(no_room(&rig) >= before + 3, "{}", no_room(&rig));
+    send(&mut rig, 0, &arm());
+    rig.run(0.5);
+    assert!(rig.vehicles[0].vehicle().truth().armed);
 }
 
 #[test]

@@ -249,6 +249,8 @@ impl Client {
         }
         active.tries += 1;
         active.deadline = now + self.timing.answer;
+        // What a slow link had no room for yet is replaced, not sent twice.
+        self.out.clear();
         self.send(&active.job);
         self.active = Some(active);
     }

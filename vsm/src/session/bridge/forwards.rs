@@ -13,7 +13,7 @@ use super::{Bridge, LinkEnd};
 use crate::config::{self, Config};
 use crate::relay_policy::Px4Now;
 use crate::session::aircraft::Aircraft;
-use crate::session::forward::{Forward, Request, Situation};
+use crate::session::forward::{Forward, Request, Situation, only_asks};
 use crate::session::link::frame::{OutFrame, Peer};
 use crate::session::log::LogLevel;
 
@@ -222,9 +222,11 @@ impl Bridge {
     }
 }
 
-/// Commands and sticks: a slow link always has room for them.
+/// Commands and sticks: a slow link always has room for them. A command that only asks can wait: its answer takes the room of what
+/// commands.
 fn is_urgent(frame: &FrameView<'_>) -> bool {
-    [MANUAL_CONTROL, COMMAND_INT, COMMAND_LONG].contains(&frame.header().message_id)
+    let commands = [MANUAL_CONTROL, COMMAND_INT, COMMAND_LONG];
+    commands.contains(&frame.header().message_id) && !only_asks(frame)
 }
 
 const MANUAL_CONTROL: u32 = 69;

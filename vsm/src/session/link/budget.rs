@@ -10,7 +10,7 @@
 
 use std::time::Duration;
 
-use mavlink_link::dialect::MavMessage;
+use mavlink_link::dialect::{MavCmd, MavMessage};
 
 /// Accounts for what was sent.
 #[derive(Debug)]
@@ -76,7 +76,7 @@ pub(super) fn reported_bytes_s(rate_bps: u32) -> f64 {
     f64::from(rate_bps) / BITS_A_BYTE * OF_REPORTS
 }
 
-/// Size of the signed frame that answers a message, bytes.
+/// Size of the signed frames that answer a message, bytes.
 pub(super) fn answer_bytes(message: &MavMessage) -> usize {
     match message {
         MavMessage::FILE_TRANSFER_PROTOCOL(_) => 279,
@@ -84,7 +84,11 @@ pub(super) fn answer_bytes(message: &MavMessage) -> usize {
         // The answer is the next MISSION_REQUEST_INT, or the MISSION_ACK after the last item.
         MavMessage::MISSION_ITEM_INT(_) => 30,
         MavMessage::PARAM_REQUEST_READ(_) | MavMessage::PARAM_SET(_) => 50,
+        // PX4 has some 1,000 parameters in use. So much is not owed in full: it stands for as long as anything is.
+        MavMessage::PARAM_REQUEST_LIST(_) => 50_000,
         MavMessage::TIMESYNC(_) => 41,
+        // The acknowledgement, and a message of usual length.
+        MavMessage::COMMAND_LONG(one) if one.command == MavCmd::MAV_CMD_REQUEST_MESSAGE => 135,
         MavMessage::COMMAND_LONG(_) | MavMessage::COMMAND_INT(_) => 35,
         _ => 0,
     }
@@ -97,6 +101,8 @@ const MAX_OWED: Duration = Duration::from_secs(2);
 
 #[cfg(test)]
 mod tests {
+    use mavlink_link::dialect::PARAM_REQUEST_LIST_DATA;
+
     use super::*;
 
     const NOW: Duration = Duration::from_secs(50);
@@ -135,6 +141,15 @@ mod tests {
             }
         }
         assert!((4..=6).contains(&turns), "{turns}");
+    }
+
+    #[test]
+    fn a_list_of_parameters_is_counted_as_what_it_brings() {
+        let mut budget = Budget::new(Some(57_600));
+        let list = MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA::default());
+        budget.spend(NOW, 27, answer_bytes(&list));
+        assert!(!budget.is_free(NOW + MAX_OWED - Duration::from_millis(1)));
+        assert!(budget.has_room(NOW + MAX_OWED));
     }
 
     #[test]

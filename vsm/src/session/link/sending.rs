@@ -219,7 +219,8 @@ impl VehicleLink {
             }
         }
         self.sent.count(header.message_id);
-        self.budget.spend(now.mono, length, 0);
+        let answer = frame.message().map_or(0, |message| answer_bytes(&message));
+        self.budget.spend(now.mono, length, answer);
         self.queue(now, to, length, bytes);
         true
     }
