@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 
+use mavlink_link::service::text::one_line;
 use serde::{Deserialize, Deserializer};
 use stanag_msgs::enums::ParameterKind;
 
@@ -99,8 +100,7 @@ struct Choice {
 /// Cuts a text to what a help text shows: the sender of the file must not fill the memory.
 fn cut<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
     let text = String::deserialize(from)?;
-    let shown = text.chars().filter(|c| !c.is_control());
-    Ok(shown.take(MAX_TEXT).collect())
+    Ok(one_line(&text).chars().take(MAX_TEXT).collect())
 }
 
 impl Entry {

@@ -1,6 +1,8 @@
 //! A message of the definitions with its arguments: `{2:.1m_v}` is the second one with one decimal and a unit, `\{` a brace,
 //! `<param>` and other marks are left out.
 
+use mavlink_link::service::text::one_line;
+
 /// A value of an event.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Argument {
@@ -57,10 +59,11 @@ pub(super) fn sentence(message: &str, arguments: &[Argument]) -> String {
                 out.push_str(&argument(&inside, arguments));
             }
             '<' => rest.by_ref().take_while(|c| *c != '>').for_each(drop),
-            c if c.is_control() => out.push(' '),
             c => out.push(c),
         }
     }
+    // The names of an enumeration are the vehicle's own texts too.
+    let out = one_line(&out);
     out.trim().chars().take(MAX_TEXT).collect()
 }
 
@@ -122,6 +125,11 @@ mod tests {
         // All of it would have 100 GB.
         let long = [Argument::Named("x".repeat(1_000_000))];
         assert_eq!(sentence(&"{1}".repeat(100_000), &long).len(), MAX_TEXT);
+        let named = [Argument::Named("a\nERROR \u{202e}b".to_owned())];
+        assert_eq!(
+            sentence("is {1}\r\u{2028}now", &named),
+            "is a ERROR  b  now"
+        );
         let mut values = Values::new(&[1, 2, 3]);
         assert_eq!(values.take("uint16_t"), Some(Argument::Whole(513)));
         assert_eq!(values.take("uint32_t"), None);

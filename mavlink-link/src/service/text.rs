@@ -4,7 +4,11 @@
 //! that decode events. Without the vehicle's event metadata the text is all there is, so
 //! it is kept and the tab removed; only a twin, the same text with and without a tab
 //! within a second, is dropped.
+//!
+//! A text is one line, whatever its sender put into it ([`one_line`]): a line of its own in a log would be
+//! taken for the log's.
 
+use std::borrow::Cow;
 use std::time::Duration;
 
 use mavlink::dialects::development::{MavMessage, MavSeverity, STATUSTEXT_DATA};
@@ -19,7 +23,7 @@ pub struct Text {
     pub from: Node,
     /// STATUSTEXT.severity
     pub severity: MavSeverity,
-    /// The text, with `…` where a chunk is missing. Bytes that are not UTF-8 are replaced.
+    /// The text as one line, with `…` where a chunk is missing. Bytes that are not UTF-8 are replaced.
     pub text: String,
     /// No chunk is missing.
     pub complete: bool,
@@ -165,9 +169,10 @@ impl Texts {
         from: Node,
         id: u16,
         severity: MavSeverity,
-        (mut text, complete): (String, bool),
+        (text, complete): (String, bool),
     ) {
         let is_event_twin = text.ends_with('\t');
+        let mut text = one_line(&text).into_owned();
         text.truncate(text.trim_end().len());
         if text.is_empty() {
             // A text of white space only has nothing to report.
@@ -205,6 +210,22 @@ impl Partial {
     fn is_whole(&self) -> bool {
         self.total == Some(self.chunks.len()) && self.chunks.iter().all(Option::is_some)
     }
+}
+
+/// A text as one line that reads as it stands: a space for each control character, and for each character that breaks the
+/// line or turns its direction.
+pub fn one_line(text: &str) -> Cow<'_, str> {
+    if !text.contains(does_not_show) {
+        return Cow::Borrowed(text);
+    }
+    Cow::Owned(text.replace(does_not_show, " "))
+}
+
+/// Beside control characters, line and paragraph separators, and the embeddings, overrides and isolates of Unicode's
+/// bidirectional algorithm.
+fn does_not_show(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{2028}' | '\u{2029}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 /// How long to wait for a missing chunk, and how long a text is remembered for its twin.

@@ -384,6 +384,21 @@ fn a_missing_chunk_is_marked_after_a_second() {
 }
 
 #[test]
+fn a_text_is_one_line_whatever_is_in_it() {
+    let mut t = Texts::new(1);
+    let forged = "low\r\n12:00 ERROR\u{202e}\u{2028}x\u{7}\u{2066}y";
+    t.handle_message(ms(0), PX4, &text(0, 0, forged));
+    assert_eq!(texts(&mut t), [whole("low  12:00 ERROR  x  y", true)]);
+    t.handle_message(ms(0), PX4, &text(0, 0, "\u{202e}\n\u{7}"));
+    assert!(texts(&mut t).is_empty());
+    // A tab at the end still marks the twin of an event.
+    t.handle_message(ms(0), PX4, &text(0, 0, "Takeoff\tdetected\t"));
+    let twin = t.poll_event().expect("a text");
+    assert!(twin.is_event_twin);
+    assert_eq!(twin.text, "Takeoff detected");
+}
+
+#[test]
 fn a_twin_is_dropped_and_a_repeat_is_not() {
     let mut t = Texts::new(1);
     t.handle_message(ms(0), PX4, &text(0, 0, "Takeoff detected\t"));

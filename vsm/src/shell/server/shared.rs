@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use mavlink_link::Now;
+use mavlink_link::service::text::one_line;
 use tokio::sync::{Notify, watch};
 
 use super::forward::OpenForward;
@@ -26,9 +27,10 @@ use crate::shell::sockets::VehicleWriter;
 use crate::shell::web::control::Clients;
 use crate::shell::web::{Event, Events, PageInfo, Source};
 
-/// Writes a machine's entry to the log.
+/// Writes a machine's entry to the log: one line, whatever texts of vehicles and stations are in it.
 pub(super) fn write_log(entry: &LogEntry) {
     let LogEntry { level, about, text } = entry;
+    let text = one_line(text);
     match level {
         LogLevel::Debug => tracing::debug!("{about}: {text}"),
         LogLevel::Info => tracing::info!("{about}: {text}"),
