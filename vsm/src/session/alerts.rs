@@ -376,11 +376,22 @@ impl Alerts {
 
     /// The reason why a command is refused. In a storm of refusals only some are sent, so that an alarm among them is seen:
     /// `None` for the others, which the next refusal counts. Each command is still answered by 17000.
-    pub(crate) fn refusal(
+    pub(crate) fn refusal(&mut self, now: Duration, to: &[usize], text: String) -> Option<Raised> {
+        self.paced_answer(now, to, text, "refusals")
+    }
+
+    /// What has become of a handover, for its parties. One who may request rights may do so without end, so these texts have the
+    /// rate of refusals; the messages 2, 4, 5 and 17000 do not depend on them.
+    pub(crate) fn handover(&mut self, now: Duration, to: &[usize], text: String) -> Option<Raised> {
+        self.paced_answer(now, to, text, "texts")
+    }
+
+    fn paced_answer(
         &mut self,
         now: Duration,
         to: &[usize],
         mut text: String,
+        what: &str,
     ) -> Option<Raised> {
         let at = self.refusals.iter().position(|one| one.to == to);
         let at = at.unwrap_or_else(|| {
@@ -397,7 +408,7 @@ impl Alerts {
         }
         match std::mem::take(&mut one.left_out) {
             0 => {}
-            left_out => text += &format!(" ({left_out} refusals before it are not reported)"),
+            left_out => text += &format!(" ({left_out} {what} before it are not reported)"),
         }
         Some(self.answer(now, to, text))
     }

@@ -567,9 +567,7 @@ impl Effects<'_> {
             Some(origin) => {
                 self.acknowledge(&origin, AckType::Refused);
                 let text = format!("{} refused: {why}", ed25::named(origin.message_type));
-                let to = [origin.station];
-                let raised = self.alerts.refusal(self.dli.now.mono, &to, text);
-                self.dli.alert(self.id, &to, raised);
+                self.explain_refusal(origin.station, text);
             }
             None => {
                 let to = self.listeners.clone();
@@ -591,6 +589,20 @@ impl Effects<'_> {
         let message = ed25::named(origin.message_type);
         let text = format!("{message} of {} refused: {why}", station.id());
         self.answer_sometimes(&[origin.station], text);
+    }
+
+    /// As [`Effects::answer`], for the reason why a message is refused whose acknowledgement the caller returns: in a storm of
+    /// refusals only some are sent.
+    pub(crate) fn explain_refusal(&mut self, station: usize, text: String) {
+        let to = [station];
+        let raised = self.alerts.refusal(self.dli.now.mono, &to, text);
+        self.dli.alert(self.id, &to, raised);
+    }
+
+    /// As [`Effects::answer`], for what has become of a handover.
+    pub(crate) fn explain_handover(&mut self, to: &[usize], text: String) {
+        let raised = self.alerts.handover(self.dli.now.mono, to, text);
+        self.dli.alert(self.id, to, raised);
     }
 
     /// As [`Effects::answer`], but rate-limited for similar ones.

@@ -27,8 +27,8 @@ impl AuthorityMachine {
         // A release is always granted, whatever else the message requests.
         if let (false, Err(why)) = (releases(request), understood(context, request, levels)) {
             self.answer(context, origin.station, Some(request), effects);
-            effects.answer(
-                &[origin.station],
+            effects.explain_refusal(
+                origin.station,
                 format!(
                     "message {} refused: {why}",
                     table::named(CucsAuthorisationRequest::ID)
@@ -102,7 +102,7 @@ impl AuthorityMachine {
         }
         effects.dli.counters.count(counter);
         let text = format!("message {}: {why}", table::named(origin.message_type));
-        effects.answer(&[origin.station], text);
+        effects.explain_refusal(origin.station, text);
         Err(AckType::Refused)
     }
 
@@ -139,8 +139,8 @@ impl AuthorityMachine {
             _ => return self.question(context, origin.station, request, effects),
         };
         self.answer(context, origin.station, Some(request), effects);
-        effects.answer(
-            &[origin.station],
+        effects.explain_refusal(
+            origin.station,
             format!(
                 "message {} refused: {why}",
                 table::named(CucsAuthorisationRequest::ID)
@@ -224,7 +224,7 @@ impl AuthorityMachine {
                     // A station that asks too often does not receive more than it sends.
                     effects.answer_sometimes(&[origin.station], text);
                 } else {
-                    effects.answer(&[origin.station], text);
+                    effects.explain_refusal(origin.station, text);
                 }
                 AckType::Refused
             }

@@ -122,7 +122,7 @@ impl AuthorityMachine {
                 Stage::Acceptance(_) => format!("{holder} offers {rights} to {to}"),
                 Stage::Load(_) => format!("{rights} passes to {to} once the load has ended"),
             };
-            effects.answer(&parties(context, handover), text);
+            effects.explain_handover(&parties(context, handover), text);
         }
         for ended in &decision.ended {
             let handover = &ended.handover;
@@ -133,7 +133,7 @@ impl AuthorityMachine {
             authorise_handover(context, handover.to, rights, effects);
             self.report_handover(context, handover.from, Some(handover.to), status, effects);
             let text = format!("handover to {}: {}", handover.to, ended.outcome);
-            effects.answer(&parties(context, handover), text);
+            effects.explain_handover(&parties(context, handover), text);
             // A requester whose message is pending is answered once all parts of its request are decided.
             for (asker, origin) in self.record.ended(handover, self.rights.pending()) {
                 let answer = match ended.outcome {

@@ -300,6 +300,29 @@ fn a_handover_passes_the_wish_on_and_answers_both_once_the_holder_consents() {
     ));
 }
 
+/// The texts of all 16000s but the ends of earlier ones.
+fn texts(messages: &[Message]) -> usize {
+    let alerts = messages.iter().filter(|message| {
+        matches!(message, Message::SubsystemStatusAlert(alert)
+            if alert.priority != Some(AlertPriority::Cleared))
+    });
+    alerts.count()
+}
+
+#[test]
+fn refusals_of_requests_have_a_rate_and_each_is_acknowledged() {
+    let (mut world, mut machine) = start();
+    let unknown = LoiBitmap::from_raw(0x80);
+    for number in 0..200 {
+        let answer = request(&mut world, &mut machine, 0, unknown);
+        assert_eq!(answer, AckType::Refused, "{number}");
+    }
+    let sent = world.sent_to(0);
+    assert_eq!(granted(&sent).len(), 200, "each has its message 2");
+    assert!((1..=6).contains(&texts(&sent)), "{}", texts(&sent));
+    assert!(world.log.len() < 10, "{}", world.log.len());
+}
+
 #[test]
 fn each_message_needs_the_right_of_its_kind() {
     let fly = Message::from(VehicleOperatingModeCommand::default());
