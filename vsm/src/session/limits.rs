@@ -50,6 +50,9 @@ pub(crate) const WEB_FRAMES: Rate = Rate::one_in(Duration::from_millis(2), 1_000
 pub(crate) const RIGHTS: Rate = Rate::one_in(Duration::from_millis(250), 32);
 /// Changes of LOI 2 alone, which are written but not synchronised, and each start with a set of reports.
 pub(crate) const MONITORS: Rate = Rate::one_in(Duration::from_millis(100), 40);
+/// The same pending handover, passed on again to who has to answer it: a station repeats its request each 0.5 s, and one that repeats it
+/// without pause must not flood the holder.
+pub(crate) const CONVEYED: Rate = Rate::one_in(Duration::from_millis(400), 1);
 /// Single parameters: at once as many as a vehicle has.
 pub(crate) const PARAMETERS: Rate = Rate::one_in(Duration::from_millis(10), 1_000);
 /// Complete lists of parameters: each takes the vehicle some seconds.

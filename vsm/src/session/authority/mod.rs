@@ -38,7 +38,7 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Id, Message};
 
 use self::record::{AuthorityRecord, KnownStation};
-use self::rules::{Authority, Circumstances, Decision, Silence};
+use self::rules::{Authority, Circumstances, Decision, Handover, Silence};
 use super::alerts::Raised;
 use super::allowance::Allowance;
 use super::context::{self, MissionView, Origin, WATCH_SLACK};
@@ -60,6 +60,8 @@ pub(crate) struct AuthorityMachine {
     allowances: BTreeMap<Id, (Allowance, Allowance)>,
     record: AuthorityRecord,
     passed: LastHandover,
+    /// Pending handovers that were passed on just now.
+    conveyed: Vec<(Handover, Allowance)>,
 }
 
 /// How control last passed, for later requests: the 35000 that was sent may have been lost. Not kept over a restart.

@@ -6,6 +6,8 @@
 //! acquirer receives the end of every handover by message 5: LOI Authorized has the rights handed over, or none. 35000
 //! reports it to all listening stations.
 
+use std::time::Duration;
+
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AckType, HandoverStatus, LoiBitmap};
 use stanag_msgs::messages::{
@@ -18,8 +20,10 @@ use super::rules::{
 };
 use super::{AuthorityMachine, Context, Of, messages};
 use crate::config::Provisional;
+use crate::session::allowance::Allowance;
 use crate::session::context::Origin;
 use crate::session::effects::Effects;
+use crate::session::limits::CONVEYED;
 
 impl AuthorityMachine {
     pub(super) fn hand_over(
@@ -109,7 +113,8 @@ impl AuthorityMachine {
         effects: &mut Effects<'_>,
     ) {
         for handover in &decision.begun {
-            self.convey(context, handover, effects);
+            is_due(&mut self.conveyed, context.mono(), handover);
+            convey(context, handover, effects);
             let Handover {
                 from, to, rights, ..
             } = *handover;
@@ -146,9 +151,9 @@ impl AuthorityMachine {
         }
     }
 
-    /// Resends requests and offers that a station has not answered, since they may have been lost.
+    /// Resends requests and offers that a station has not answered, since they may have been lost; each no more often than its rate.
     pub(super) fn convey_pending(
-        &self,
+        &mut self,
         context: &Context<'_>,
         station: usize,
         effects: &mut Effects<'_>,
@@ -156,28 +161,12 @@ impl AuthorityMachine {
         let Some(by) = context.asker(station) else {
             return;
         };
+        let now = context.mono();
         for handover in self.rights.pending() {
-            if handover.to == by.id || handover.from == Some(by.id) {
-                self.convey(context, handover, effects);
+            let takes_part = handover.to == by.id || handover.from == Some(by.id);
+            if takes_part && is_due(&mut self.conveyed, now, handover) {
+                convey(context, handover, effects);
             }
-        }
-    }
-
-    /// Passes a request on to the holder, or an offer on to the successor.
-    fn convey(&self, context: &Context<'_>, handover: &Handover, effects: &mut Effects<'_>) {
-        match handover.stage {
-            Stage::Consent(_) => {
-                let holder = handover.from.and_then(|holder| context.station_of(holder));
-                if let Some(holder) = holder {
-                    let stamp = effects.stamp();
-                    effects.send(holder, &messages::wish(context, handover, stamp));
-                }
-            }
-            Stage::Acceptance(_) => {
-                authorise_handover(context, handover.to, handover.rights, effects);
-            }
-            // Nobody has to answer: the end of the load decides.
-            Stage::Load(_) => {}
         }
     }
 
@@ -238,6 +227,36 @@ impl AuthorityMachine {
             effects.publish(station, &message);
         }
     }
+}
+
+/// Passes a request on to the holder, or an offer on to the successor.
+fn convey(context: &Context<'_>, handover: &Handover, effects: &mut Effects<'_>) {
+    match handover.stage {
+        Stage::Consent(_) => {
+            let holder = handover.from.and_then(|holder| context.station_of(holder));
+            if let Some(holder) = holder {
+                let stamp = effects.stamp();
+                effects.send(holder, &messages::wish(context, handover, stamp));
+            }
+        }
+        Stage::Acceptance(_) => {
+            authorise_handover(context, handover.to, handover.rights, effects);
+        }
+        // Nobody has to answer: the end of the load decides.
+        Stage::Load(_) => {}
+    }
+}
+
+/// Whether a handover may be passed on now, which counts as done. What was passed on long ago is forgotten.
+fn is_due(conveyed: &mut Vec<(Handover, Allowance)>, now: Duration, handover: &Handover) -> bool {
+    conveyed.retain(|(_, lately)| !lately.is_full(now));
+    if conveyed.iter().any(|(known, _)| known == handover) {
+        return false;
+    }
+    let mut lately = Allowance::default();
+    lately.take(now, CONVEYED);
+    conveyed.push((*handover, lately));
+    true
 }
 
 /// Message 5.

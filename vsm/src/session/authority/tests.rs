@@ -300,6 +300,50 @@ fn a_handover_passes_the_wish_on_and_answers_both_once_the_holder_consents() {
     ));
 }
 
+#[test]
+fn a_request_that_is_repeated_without_pause_is_passed_on_at_a_rate() {
+    let (mut world, mut machine) = start();
+    request(&mut world, &mut machine, 0, LOI4_5);
+    let wish = PositiveHandoverAuthorisationRequest {
+        requested_handover_loi: Some(LOI4_5),
+        ..PositiveHandoverAuthorisationRequest::default()
+    };
+    let from_second = Origin {
+        station: 1,
+        ..origin(&wish.clone().into())
+    };
+    let input = Input::HandOver {
+        origin: &from_second,
+        request: &wish,
+    };
+    handle(&mut world, &mut machine, input);
+    let passed_on = |world: &mut World| {
+        let sent = world.sent_to(0).into_iter();
+        let wishes = sent
+            .filter(|message| matches!(message, Message::PositiveHandoverAuthorisationRequest(_)));
+        wishes.count()
+    };
+    assert_eq!(passed_on(&mut world), 1);
+    // As a CUCS does whose answer was lost.
+    for repeat in 1..=4 {
+        world.advance(Duration::from_millis(500));
+        let again = Input::HandOverAgain { station: 1 };
+        handle(&mut world, &mut machine, again);
+        assert_eq!(passed_on(&mut world), 1, "repeat {repeat}");
+    }
+    // A thousand a second: as copies, and as queries.
+    for repeat in 0..1_000 {
+        world.advance(Duration::from_millis(1));
+        let again = Input::HandOverAgain { station: 1 };
+        handle(&mut world, &mut machine, again);
+        if repeat % 10 == 0 {
+            request(&mut world, &mut machine, 1, LoiBitmap::NONE);
+        }
+    }
+    let passed = passed_on(&mut world);
+    assert!((1..=3).contains(&passed), "{passed}");
+}
+
 /// The texts of all 16000s but the ends of earlier ones.
 fn texts(messages: &[Message]) -> usize {
     let alerts = messages.iter().filter(|message| {
