@@ -380,7 +380,7 @@ mod tests {
     fn edition_3_is_sent_no_field_that_it_does_not_have() {
         let mission = VehicleOperatingStates {
             thrust: Some(40),
-            commanded_loiter_position_latitude: Some(Bam32::from_degrees(47.0)),
+            commanded_loiter_position_latitude: Some(stanag_msgs::Bam32::from_degrees(47.0)),
             commanded_waypoint_number: Some(7),
             ..VehicleOperatingStates::default()
         };
