@@ -476,10 +476,18 @@ impl<'a> DliEffects<'a> {
     pub(crate) fn refuse(&mut self, origin: &Origin, why: &str) {
         let vsm = self.vsm;
         self.acknowledge(vsm, origin, AckType::Refused);
-        let text = format!("{} refused: {why}", ed25::named(origin.message_type));
+        let text = format!("{} refused: {why}", self.named(origin));
         let to = [origin.station];
         let raised = self.alerts.answer_sometimes(self.now.mono, &to, text);
         self.alert(vsm, &to, raised);
+    }
+
+    /// The message that is answered, as its station names it.
+    fn named(&self, origin: &Origin) -> String {
+        let station = self.stations.get(origin.station);
+        let own = station.filter(|one| one.speaks_ed25()).zip(origin.stamp);
+        let own = own.and_then(|(one, stamp)| one.translator.made_from(origin.message_type, stamp));
+        own.unwrap_or_else(|| ed25::named(origin.message_type))
     }
 
     /// Clears the VSM's own answers that have expired.
@@ -566,7 +574,7 @@ impl Effects<'_> {
             Some(origin) if self.answer_held(&origin, AckType::Refused, Some(&why)) => {}
             Some(origin) => {
                 self.acknowledge(&origin, AckType::Refused);
-                let text = format!("{} refused: {why}", ed25::named(origin.message_type));
+                let text = format!("{} refused: {why}", self.dli.named(&origin));
                 self.explain_refusal(origin.station, text);
             }
             None => {
@@ -586,7 +594,7 @@ impl Effects<'_> {
         let Some(station) = self.dli.stations.get(origin.station) else {
             return;
         };
-        let message = ed25::named(origin.message_type);
+        let message = self.dli.named(origin);
         let text = format!("{message} of {} refused: {why}", station.id());
         self.answer_sometimes(&[origin.station], text);
     }

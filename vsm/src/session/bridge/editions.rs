@@ -226,8 +226,14 @@ impl Bridge {
         {
             self.keep_contingencies(index, vehicle, waypoint, disk);
         }
-        if downloads && accepted {
-            self.stations[index].translator.begin_download(vehicle);
+        if downloads
+            && accepted
+            && let Some(one) = self.aircraft.find(vehicle)
+        {
+            let plan = one.mission.plan();
+            self.stations[index]
+                .translator
+                .begin_download(vehicle, plan);
         }
         if discovers && accepted {
             self.show_holders_to(now, index, vehicle, disk);

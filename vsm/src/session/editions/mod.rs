@@ -27,6 +27,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 
+use mapping::plan::Plan;
 use stanag_msgs::ed25::record::{is_moment, stamp_of};
 use stanag_msgs::ed25::{self, Parties, Record, Version};
 use stanag_msgs::enums::{EoirSystemMode, FlightPathControlMode, LoiBitmap};
@@ -303,8 +304,8 @@ impl Translator {
     }
 
     /// A download of a vehicle's plan begins.
-    pub(crate) fn begin_download(&mut self, vehicle: Id) {
-        self.plans.entry(vehicle).or_default().begin_download();
+    pub(crate) fn begin_download(&mut self, vehicle: Id, plan: &Plan) {
+        self.plans.entry(vehicle).or_default().begin_download(plan);
     }
 
     /// The present mode of a vehicle, and whether it is on the ground. The report that is sent may be late, or dropped.
@@ -312,6 +313,14 @@ impl Translator {
         let steering = self.steering.entry(vehicle).or_default();
         steering.shows(Some(mode.raw()));
         steering.stands(stands);
+    }
+
+    /// The station's own message, by number and name, if this one of Edition 4 was made from it.
+    pub(crate) fn made_from(&self, ed4: u16, stamp: TimeStamp) -> Option<String> {
+        let number = self.requests.made_from(ed4, stamp)?;
+        let mut all = ed25::messages();
+        let info = all.find(|info| info.id == number)?;
+        Some(format!("#{number} ({})", info.name))
     }
 
     /// #109 of a vehicle, under the id `named`, as a datagram.

@@ -4,14 +4,14 @@
 //! waypoint that names a contingency creates that route, which begins at the named waypoint. A vehicle flies one route of a
 //! kind, so all waypoints of a flight route must name the same one, or none: otherwise the load is refused. A mission that
 //! names no contingency has none: its load deletes the route that an earlier mission has created. In a download each
-//! waypoint names the contingency routes.
+//! waypoint names what it was sent with; where that is not known, those of a flight name the contingency routes.
 //!
 //! The bridge knows what has been sent ([`Upload`]), so a repeated datagram or a restart changes nothing here. Only what
 //! the plan has no place for is kept: which contingencies a waypoint names. The bridge writes that to disk, one line per
 //! waypoint ([`Contingencies::line`]). A waypoint whose line is lost has unknown contingencies; if any contingency is
 //! named, that waypoint must be sent again before a load.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use mapping::plan::{Plan, route_type};
 use stanag_msgs::ed25::{self, Record};
@@ -32,6 +32,8 @@ pub(crate) struct Plans {
     lines: usize,
     /// The first waypoints of the contingency routes of a download.
     sent: [u16; 2],
+    /// What the waypoints of a download name, where that is known.
+    links: BTreeMap<u16, [u16; 2]>,
 }
 
 /// Where a waypoint leads on contingency A and B; 0 if it names none.
@@ -182,8 +184,20 @@ impl Plans {
         };
     }
 
-    pub(super) fn begin_download(&mut self) {
+    pub(super) fn begin_download(&mut self, plan: &Plan) {
         self.sent = [0; 2];
+        let part = |of: &UaRoute| plan.part(of).numbers().collect::<Vec<_>>();
+        let routes = plan.routes().iter();
+        let (flights, ways_out): (Vec<_>, Vec<_>) = routes.partition(|route| is_flight(route));
+        let flown: BTreeSet<u16> = flights.into_iter().flat_map(part).collect();
+        // Nothing leads on from a waypoint of a contingency route.
+        let ways_out = ways_out.into_iter().flat_map(part);
+        let ways_out = ways_out.filter(|number| !flown.contains(number));
+        self.links = ways_out.map(|number| (number, [0; 2])).collect();
+        let known = self.waypoints.keys();
+        let known = known.filter_map(|number| Some((*number, self.of(plan, *number)?)));
+        let known: Vec<_> = known.collect();
+        self.links.extend(known);
     }
 
     /// #800.
@@ -291,8 +305,10 @@ impl Plans {
             }
             (Message::UaPositionWaypoint(waypoint), Some(record)) => {
                 let own = waypoint.waypoint_number.unwrap_or(0);
-                for (field, first) in [13, 14].into_iter().zip(self.sent) {
-                    record.set(field, if own == first { 0 } else { first });
+                let unknown = || self.sent.map(|first| if own == first { 0 } else { first });
+                let links = self.links.get(&own).copied().unwrap_or_else(unknown);
+                for (field, first) in [13, 14].into_iter().zip(links) {
+                    record.set(field, first);
                 }
             }
             _ => {}

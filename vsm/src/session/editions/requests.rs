@@ -90,6 +90,14 @@ impl Requests {
         });
     }
 
+    /// The station's own message, if this one of Edition 4 was made from it: #42, #43 and #48 all become 2016, and the one
+    /// that was sent last need not be the one that is answered.
+    pub(super) fn made_from(&self, ed4: u16, stamp: TimeStamp) -> Option<u16> {
+        let mut sent = self.sent.iter().rev();
+        let sent = sent.find(|one| one.ed4 == ed4 && one.stamp == stamp)?;
+        Some(sent.number)
+    }
+
     /// #1400 for a 17000. It means that a message was received and is not refused; an #1100 has the reason of a refusal.
     pub(super) fn acknowledge(
         &mut self,
@@ -117,22 +125,32 @@ impl Requests {
     }
 
     /// Replaces the numbers of Edition 4 messages in a text of the bridge by those of Edition 2.5, where the text names
-    /// them: at its beginning, after the word message, or in brackets.
+    /// them: at its beginning, behind a bracket or a colon, or after one of [`NAMES_A_MESSAGE`]. A number with a unit is none;
+    /// one below 2000 is one only where its name follows.
     pub(super) fn in_own_numbers(&self, text: &str) -> String {
         let mut out = String::with_capacity(text.len());
         let mut before = "";
         let mut renamed = Vec::new();
-        for (index, word) in text.split(' ').enumerate() {
-            if index > 0 {
+        let mut words = text.split(' ').peekable();
+        while let Some(word) = words.next() {
+            if !out.is_empty() {
                 out.push(' ');
             }
             let digits = word.trim_matches(|c: char| !c.is_ascii_digit());
-            let bracketed = word.starts_with('(') && word.contains(')');
-            let names = index == 0 || before == "message" || bracketed;
-            let number = digits
-                .parse()
-                .ok()
-                .filter(|number| *number >= 2000 && names);
+            let next = words.peek().copied().unwrap_or_default();
+            let named = |number: u16| {
+                let name = table::message(number).and_then(|info| info.name.split(' ').next());
+                name.is_some_and(|name| next.strip_prefix('(') == Some(name))
+            };
+            let led = before.is_empty()
+                || before.ends_with(':')
+                || word.starts_with('(')
+                || NAMES_A_MESSAGE.contains(&before);
+            let measures = word.ends_with(digits)
+                && UNITS.contains(&next.trim_matches(|c: char| "),.;:".contains(c)));
+            let number = digits.parse().ok();
+            let number =
+                number.filter(|number| led && !measures && (*number >= 2000 || named(*number)));
             match number.and_then(|number| self.own_number(number)) {
                 Some(own) => {
                     out.push_str(&word.replacen(digits, &format!("#{own}"), 1));
@@ -420,6 +438,21 @@ fn limits(
     name(record, info, field)
 }
 
+/// Words before the number of a message.
+const NAMES_A_MESSAGE: [&str; 5] = ["message", "a", "the", "its", "then"];
+/// Words after a number that is a value.
+const UNITS: [&str; 10] = [
+    "m",
+    "m/s",
+    "s",
+    "ms",
+    "Hz",
+    "hPa",
+    "bytes",
+    "times",
+    "%",
+    "waypoints",
+];
 /// #2011, for 50011.
 const PARAMETER_SET: u32 = 2011;
 const SINGLE: u32 = 0;

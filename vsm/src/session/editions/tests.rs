@@ -221,9 +221,52 @@ fn texts_name_messages_by_the_numbers_of_the_edition() {
     );
     assert_eq!(own("load it again (13000)"), "load it again (#800)");
     assert_eq!(
-        own("climbs to 3000 m, 13002 m"),
-        "climbs to 3000 m, 13002 m"
+        own(
+            "1 (CUCS Authorisation Request) refused: message 2 (VSM Authorisation Response) is sent by a VSM"
+        ),
+        "#1 (CUCS Authorisation Request) refused: message #21 (VSM Authorisation Response) is sent by a VSM"
     );
+    assert_eq!(
+        own(
+            "the upload was dropped: a 13001 has begun another: send the whole route, with its 13001, then 13000"
+        ),
+        "the upload was dropped: a #801 has begun another: send the whole route, with its #801, then #800"
+    );
+    assert_eq!(
+        own("the upload was dropped: it was cancelled (13000 mode 5)"),
+        "the upload was dropped: it was cancelled (#800 mode 5)"
+    );
+    assert_eq!(
+        own("dropped: 13000 mode 1 has cleared"),
+        "dropped: #800 mode 1 has cleared"
+    );
+    for values in [
+        "climbs to 3000 m, 13002 m",
+        "mode 20 (wave-off): the 3000 m, and 2000 m (4000 m above)",
+        "a limit: 2000 bytes, then 3000 m/s",
+        "mode 2 (flight director): LOI 2 (monitor)",
+    ] {
+        assert_eq!(own(values), values);
+    }
+}
+
+/// #42, #43 and #48 all become a 2016: a refusal names the one that it answers, whichever was sent last.
+#[test]
+fn a_refusal_names_the_message_that_it_answers() {
+    let mut translator = Translator::default();
+    let mut stamps = Vec::new();
+    for (number, seconds) in [(48, 1.7e9), (43, 1.7e9 + 1.0), (42, 1.7e9 + 2.0)] {
+        let mut record = new(number);
+        record.set(1, seconds);
+        stamps.push(record.stamp().expect("a moment"));
+        translator.requests.sent(2016, &record, 1);
+    }
+    let named = |stamp: &TimeStamp| translator.made_from(2016, *stamp).expect("it was sent");
+    assert!(named(&stamps[0]).starts_with("#48 ("));
+    assert!(named(&stamps[1]).starts_with("#43 ("));
+    assert!(named(&stamps[2]).starts_with("#42 ("));
+    let later = TimeStamp(stamps[2].0 + 1);
+    assert_eq!(translator.made_from(2016, later), None);
 }
 
 /// A message of a station with every number in the middle of its range.

@@ -357,7 +357,7 @@ pub(crate) fn station_clock(station: Id, ahead_ms: i64) -> Finding {
             "the time stamps of CUCS {station} are {} {way} this computer's clock",
             span(off)
         ),
-        "set both clocks (NTP): stamps count milliseconds since 2000 UTC",
+        "set both clocks (NTP): stamps count UTC, milliseconds since 2000, in Edition 2.5 seconds since 1970",
     );
     finding.key = station.0;
     finding

@@ -157,6 +157,11 @@ impl Mission {
         self.store.upload_of(cucs)
     }
 
+    /// The stored plan, of which a download is.
+    pub(crate) fn plan(&self) -> &Plan {
+        self.store.plan()
+    }
+
     /// Whether a waypoint is in the stored plan or in an upload.
     pub(crate) fn holds(&self, cucs: Id, number: u16) -> bool {
         let (offered, _) = self.upload_of(cucs);
