@@ -278,6 +278,12 @@ impl<'a> DliEffects<'a> {
         let may = self.paths.admit_to_group(now, station, bytes, kind);
         if !may {
             self.counters.count("group over the rate");
+            // Nothing waits for the group. A station that has the same at its address misses nothing.
+            let station_of = self.stations.get(station);
+            let alone = station_of.is_some_and(|one| !one.profile.delivery.to_address());
+            if alone && !matches!(kind, Kind::Report(_)) {
+                self.paths.note_missed(station);
+            }
         }
         may
     }

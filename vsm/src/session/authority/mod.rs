@@ -154,8 +154,9 @@ pub(crate) enum Input<'a> {
         origin: Origin,
         message: &'a VehicleDataLinkTransitionCoordination,
     },
-    /// The station has moved, or may have missed messages: it receives the same messages as a new listener.
-    Returned { station: usize },
+    /// The station has moved, or may have missed messages: it receives the same messages as a new listener, and where it has
+    /// `missed` answers, message 2.
+    Returned { station: usize, missed: bool },
     /// The configuration, in the context, has changed.
     Reconfigured,
     /// This vehicle was removed from the configuration: all its rights end.
@@ -339,8 +340,11 @@ impl AuthorityMachine {
             Input::Transition { origin, message } => {
                 self.coordinate_transition(context, origin, message, effects);
             }
-            Input::Returned { station } => {
+            Input::Returned { station, missed } => {
                 if effects.listeners.contains(&station) {
+                    if missed {
+                        self.answer(context, station, None, effects);
+                    }
                     welcome(context, station, effects);
                 }
             }

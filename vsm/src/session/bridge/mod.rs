@@ -388,7 +388,13 @@ impl Bridge {
                 let (mut dli, aircraft) = self.effects(now, disk);
                 if let Some(one) = aircraft.find_mut(real) {
                     for station in 0..dli.stations.len() {
-                        one.ask_authority(&mut dli, Input::Returned { station });
+                        one.ask_authority(
+                            &mut dli,
+                            Input::Returned {
+                                station,
+                                missed: false,
+                            },
+                        );
                     }
                 }
                 self.logical.introduce(real);

@@ -77,7 +77,7 @@ impl Bridge {
                     }
                     self.note_path(index);
                     if self.paths.take_missed(index) {
-                        self.welcome(now, index, disk);
+                        self.welcome(now, index, true, disk);
                     }
                 }
             }
@@ -129,7 +129,7 @@ impl Bridge {
                 self.moved(now, index, disk);
                 // Rare: a CUCS that never proves an address has waited for its old address to become silent.
                 if self.paths.take_missed(index) {
-                    self.welcome(now, index, disk);
+                    self.welcome(now, index, true, disk);
                 }
             }
             self.note_path(index);
@@ -200,8 +200,9 @@ impl Bridge {
                 let vsm = self.vsm;
                 self.effects(now, disk).0.note(LogLevel::Info, vsm, text);
             }
+            // What it sent from there is handled, and answered, below.
             self.paths.take_missed(index);
-            self.welcome(now, index, disk);
+            self.welcome(now, index, false, disk);
         }
         // Each is checked against the key that sealed it, including the one that led here.
         let arriving = self.stations[index].sealed_under;
@@ -224,13 +225,15 @@ impl Bridge {
         self.stations[index].proven = self.paths.is_proven(index);
     }
 
-    /// Sends a station the messages for a new listener: the vehicles and the active alerts.
-    pub(super) fn welcome(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
+    /// Sends a station the messages for a new listener: the vehicles and the active alerts. `missed`: an answer to it was
+    /// dropped, perhaps the one to its message 1.
+    pub(super) fn welcome(&mut self, now: Now, index: usize, missed: bool, disk: &mut dyn Disk) {
         // The VSM's own active alerts follow with the next check: the program that received them earlier may be gone.
         self.checks.notified.retain(|station| *station != index);
         let (mut dli, aircraft) = self.effects(now, disk);
         for one in aircraft.iter_mut() {
-            one.ask_authority(&mut dli, Input::Returned { station: index });
+            let station = index;
+            one.ask_authority(&mut dli, Input::Returned { station, missed });
         }
     }
 }

@@ -68,7 +68,7 @@ impl Bridge {
         }
         self.paths.connect(now.mono, index, from);
         self.note_path(index);
-        self.welcome(now, index, disk);
+        self.welcome(now, index, false, disk);
         Ok(opened)
     }
 

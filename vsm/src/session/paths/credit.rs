@@ -112,6 +112,13 @@ impl Paths {
         station.is_none_or(|station| station.admit_to_group(now, bytes, kind, &limits))
     }
 
+    /// A copy to the group was dropped that reaches the station by no other way.
+    pub(crate) fn note_missed(&mut self, index: usize) {
+        if let Some(station) = self.stations.get_mut(index) {
+            station.missed = true;
+        }
+    }
+
     /// Lets an answer wait for its credit.
     pub(crate) fn wait(&mut self, now: Duration, index: usize, datagram: Datagram) {
         if let Some(station) = self.stations.get_mut(index) {

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 use cucs::{Delivery, Edition, Event, Session, SessionConfig, Ticket};
-use kit::bridge::{Rig, orders, vehicle_id};
+use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use px4_sim::Mode as Px4;
 use stanag_msgs::enums::{
     AltitudeType, FlightPathControlMode as Mode, LoiBitmap, LoiterDurationUnits, LoiterType,
@@ -23,6 +23,7 @@ pub(super) struct Operator {
     session: Session,
     address: SocketAddr,
     taken: usize,
+    taken_of_group: usize,
     pub(super) texts: Vec<String>,
     pub(super) messages: Vec<Message>,
 }
@@ -34,6 +35,7 @@ impl Operator {
             session: Session::new(config),
             address,
             taken: 0,
+            taken_of_group: 0,
             texts: Vec::new(),
             messages: Vec::new(),
         }
@@ -54,6 +56,11 @@ impl Operator {
         let now = Operator::now(rig);
         for (_, bytes) in new.iter().filter(|(to, _)| *to == self.address) {
             assert!(stanag_msgs::ed25::is_ed25(bytes), "another edition");
+            self.session.handle_datagram(now, bytes);
+        }
+        let of_group = rig.group.get(self.taken_of_group..).unwrap_or_default();
+        self.taken_of_group = rig.group.len();
+        for bytes in of_group {
             self.session.handle_datagram(now, bytes);
         }
         self.session.handle_timeout(now);
@@ -304,6 +311,31 @@ fn the_scriptable_station_flies_from_discovery_to_release() {
             .unwrap()
             .granted()
             .is_empty()
+    );
+}
+
+/// The two questions for a proof leave no credit for the answer to a single message 1.
+#[test]
+fn a_station_in_the_group_that_is_not_proven_yet_is_sent_its_rights_once_it_is() {
+    let mut rig = Rig::new(Setup {
+        tables: "[[cucs]]\nid = \"1b:00:00:b0\"\nloi = [2, 3, 4, 5]\ndelivery = \"group\"\n",
+        dli_keys: "multicast = \"239.45.86.1:26001\"\ninterface = \"127.0.0.1\"",
+        ..Setup::default()
+    });
+    rig.run(9.0);
+    let mut operator = Operator::new(SocketAddr::from(([192, 0, 2, 7], 7)));
+    let now = Operator::now(&rig);
+    let session = &mut operator.session;
+    let sent = session.send_unconfirmed(now, vehicle_id(0), orders::request_control());
+    sent.expect("a request");
+    let granted = |one: &Operator, _: &Rig| {
+        let vehicle = one.session.vehicle(vehicle_id(0));
+        vehicle.is_some_and(|one| one.granted().contains(LoiBitmap::LOI4))
+    };
+    assert!(
+        operator.until(&mut rig, 5.0, granted),
+        "{:?}",
+        operator.session.traffic()
     );
 }
 
