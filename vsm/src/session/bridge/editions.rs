@@ -187,6 +187,7 @@ impl Bridge {
             latch,
             waypoint,
             downloads,
+            unfit,
         } = taken;
         let vehicle = at.vehicle;
         {
@@ -199,6 +200,9 @@ impl Bridge {
                     one.effects(&mut dli).answer_sometimes(&[index], notice);
                 }
             }
+        }
+        if let (Some(unfit), Some(one)) = (unfit, self.aircraft.find_mut(vehicle)) {
+            one.mission.refuse_load((at.cucs, sent_at), unfit);
         }
         let discovers = messages
             .iter()

@@ -39,7 +39,7 @@ use stanag_msgs::{Id, Message, TimeStamp};
 pub(crate) use self::form::{Refusal, Standing};
 use self::form::{generic, new, to};
 use self::plans::Plans;
-pub(crate) use self::plans::{Contingencies, Kept, Upload};
+pub(crate) use self::plans::{Contingencies, Kept, Unfit, Upload};
 use self::recorder::Recorders;
 use self::requests::Requests;
 use self::steering::{Latch, Steering};
@@ -84,6 +84,8 @@ pub(crate) struct Inbound {
     pub(crate) waypoint: Option<Contingencies>,
     /// It requests a download.
     pub(crate) downloads: bool,
+    /// It requests a load that is refused.
+    pub(crate) unfit: Option<Unfit>,
 }
 
 /// The stamp of our heartbeat that a #1400 answers: a station that returns it has received our message at this address.
@@ -208,6 +210,7 @@ impl Translator {
                 taken.messages.extend(all);
                 taken.waypoint = Contingencies::of(record);
                 taken.downloads = plans::downloads(record);
+                taken.unfit = plans.unfit(record, upload);
                 None
             }
             ACKNOWLEDGEMENT => None,

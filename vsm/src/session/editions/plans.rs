@@ -82,6 +82,14 @@ pub(crate) enum Kept {
     All(String),
 }
 
+/// Why an upload is not loaded: its contingencies cannot be those of one mission.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Unfit {
+    pub(crate) why: String,
+    /// The waypoint that is to be sent again. Otherwise the upload itself is wrong: it is dropped.
+    pub(crate) missing: Option<u16>,
+}
+
 /// The bridge's plan for the station that sends to it. It is the truth about an upload: it survives a restart, and contains
 /// neither refused messages nor duplicates.
 #[derive(Debug, Clone, Copy)]
@@ -200,6 +208,13 @@ impl Plans {
         self.links.extend(known);
     }
 
+    /// Why the load of a #800 is refused. It is passed on all the same: who may load, and what follows from a refusal, is
+    /// decided as for any other upload.
+    pub(super) fn unfit(&self, record: &Record, upload: &Upload<'_>) -> Option<Unfit> {
+        let loads = record.id() == 800 && record.whole(5) == LOAD;
+        loads.then(|| self.check(upload).err()).flatten()
+    }
+
     /// #800.
     fn command(&self, record: &Record, upload: &Upload<'_>) -> Result<Vec<Message>, Refusal> {
         let mut command = record.clone();
@@ -207,8 +222,10 @@ impl Plans {
         match record.whole(5) {
             CLEAR | DOWNLOAD => command.clear(6),
             LOAD => {
-                self.check(upload)?;
-                messages = self.stale(record, upload)?;
+                // An upload that is refused changes nothing.
+                if self.unfit(record, upload).is_none() {
+                    messages = self.stale(record, upload)?;
+                }
                 command.clear(6);
             }
             _ => {}
@@ -243,7 +260,7 @@ impl Plans {
     }
 
     /// Checks that all waypoints of a flight route name the same contingency of each kind, or none.
-    fn check(&self, upload: &Upload<'_>) -> Result<(), Refusal> {
+    fn check(&self, upload: &Upload<'_>) -> Result<(), Unfit> {
         let plan = upload.plan;
         let sends = |kind| {
             upload
@@ -257,13 +274,13 @@ impl Plans {
                 has_contingencies && upload.has_sent(*number) && self.of(plan, *number).is_none()
             };
             if let Some(number) = part.numbers().find(unknown) {
-                return Err(Refusal::new(
-                    "not supported",
-                    format!(
+                return Err(Unfit {
+                    why: format!(
                         "the contingency waypoint of waypoint {number} is no longer known: the VSM has restarted and did not find \
                          it on its disk; send it again (#802), then #800"
                     ),
-                ));
+                    missing: Some(number),
+                });
             }
             let known = part.numbers();
             let known = known.filter_map(|number| Some((number, self.of(plan, number)?)));
@@ -275,13 +292,13 @@ impl Plans {
                 };
                 if let Some((number, other)) = all.find(|(_, other)| *other != named) {
                     let name = route.route_id.as_ref().map_or("", |id| id.as_str());
-                    return Err(Refusal::new(
-                        "not supported",
-                        format!(
+                    return Err(Unfit {
+                        why: format!(
                             "route {name}: Contingency Waypoint {kind} of waypoint {begin} is {named}, of {number} it \
                              is {other}: one contingency route is flown, name the same in all of them"
                         ),
-                    ));
+                        missing: None,
+                    });
                 }
             }
         }

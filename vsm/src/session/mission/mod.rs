@@ -51,7 +51,7 @@ use mapping::telemetry::Telemetry;
 use mavlink_link::service::mission;
 use mavlink_link::store::StoreError;
 use stanag_msgs::enums::AckType;
-use stanag_msgs::{Id, Message};
+use stanag_msgs::{Id, Message, TimeStamp};
 
 use self::band::BandWatch;
 use self::descent::DescentWatch;
@@ -64,6 +64,7 @@ use self::store::MissionStore;
 use self::transfer::{Free, Transfers};
 use self::watchdog::MissionWatchdog;
 use super::context::{MissionView, Origin};
+use super::editions::Unfit;
 use super::effects::Effects;
 use super::link::services::Services;
 use super::link::state::VehicleState;
@@ -155,6 +156,11 @@ impl Mission {
     /// The plan that a 13000 of this CUCS would load, and the part of it that this CUCS has sent since its last 13000.
     pub(crate) fn upload_of(&self, cucs: Id) -> (&Plan, Option<&Plan>) {
         self.store.upload_of(cucs)
+    }
+
+    /// The 13000 of this station with this stamp, which follows, is refused: its upload in Edition 2.5 is no mission.
+    pub(crate) fn refuse_load(&mut self, load: (Id, Option<TimeStamp>), unfit: Unfit) {
+        self.store.unfit = Some((load, unfit));
     }
 
     /// The stored plan, of which a download is.

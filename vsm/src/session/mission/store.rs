@@ -16,6 +16,7 @@ use super::plan_files::{PlanFiles, log_name};
 use super::received::{Order, ReceivedPlan};
 use super::record::{self, UploadedMission};
 use crate::session::alerts::Cause;
+use crate::session::editions::Unfit;
 use crate::session::effects::Effects;
 use crate::session::store::{record_fault, record_name};
 
@@ -26,6 +27,8 @@ pub(super) struct MissionStore {
     files: PlanFiles,
     /// When the staged upload is dropped if no further message arrives.
     staged_until: Option<Duration>,
+    /// The 13000 that is refused when it is carried out, and why.
+    pub(super) unfit: Option<((Id, Option<TimeStamp>), Unfit)>,
     /// The mission that the vehicle carries, as read back from it.
     pub(super) uploaded: Option<UploadedMission>,
     /// The route that 13000 loaded.

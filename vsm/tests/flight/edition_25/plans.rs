@@ -116,12 +116,10 @@ fn contingency_waypoints_are_routes_and_differing_ones_are_refused() {
         station.send(&mut rig, vehicle_id(0), number, &fields);
     }
     rig.run(0.5);
-    assert_eq!(transfer(&mut rig, &mut station, 2), None);
+    assert_eq!(transfer(&mut rig, &mut station, 2), Some(2));
     let alerts = station.alerts(&rig).concat();
     assert!(
-        alerts.contains(
-            "#800 (Mission Upload Command) of 1b:00:00:b0 refused: route R1: Contingency Waypoint A"
-        ),
+        alerts.contains("#800 (Mission Upload Command) refused: route R1: Contingency Waypoint A"),
         "{alerts}"
     );
     for (number, fields) in plan(20) {
@@ -267,6 +265,41 @@ fn a_mission_that_names_no_contingency_keeps_none_of_an_earlier_one() {
     assert_eq!(downloaded(&mut rig, &mut station).0, [2]);
 }
 
+/// The #801 last, so that it does not begin the upload.
+#[test]
+fn a_refused_upload_is_dropped_and_its_correction_is_loaded_in_any_order() {
+    let (mut rig, mut station) = ready();
+    let upload = |second: u16| {
+        let [flight, first, other] = mission(20, 2);
+        let next = with(waypoint(2, 0, 80.0, 0.0), "Contingency Waypoint A", second);
+        [first, (802, next), other, flight]
+    };
+    for _ in 0..2 {
+        send_all(&mut rig, &mut station, &upload(0));
+        assert_eq!(transfer(&mut rig, &mut station, 2), Some(2));
+        send_all(&mut rig, &mut station, &upload(20));
+        let loaded = transfer(&mut rig, &mut station, 2);
+        assert_eq!(loaded, Some(1), "{:?}", station.alerts(&rig));
+    }
+    // As it was sent, and none where the contingency route leads.
+    station.receive(&rig);
+    station.received.clear();
+    assert_eq!(transfer(&mut rig, &mut station, 3), Some(1));
+    let mut named: Vec<_> = station
+        .take(&rig, 802)
+        .iter()
+        .map(|one| {
+            (
+                one["Waypoint Number"].as_u64(),
+                one["Contingency Waypoint A"].as_u64(),
+            )
+        })
+        .collect();
+    named.sort_unstable();
+    let expected = [(1, 20), (2, 20), (20, 0)];
+    assert_eq!(named, expected.map(|(of, to)| (Some(of), Some(to))));
+}
+
 #[test]
 fn an_upload_survives_a_repeated_route_and_a_restart() {
     let (mut rig, mut station) = ready();
@@ -291,7 +324,7 @@ fn an_upload_survives_a_repeated_route_and_a_restart() {
     rig.restart_bridge();
     rig.run(12.0);
     send_all(&mut rig, &mut station, &[(802, waypoint(2, 3, 80.0, 0.0))]);
-    assert_eq!(transfer(&mut rig, &mut station, 2), None);
+    assert_eq!(transfer(&mut rig, &mut station, 2), Some(2));
     let alerts = station.alerts(&rig).concat();
     let named = "Contingency Waypoint A of waypoint 1 is";
     assert!(alerts.contains(named), "{alerts}");
@@ -314,7 +347,7 @@ fn an_upload_whose_contingencies_are_lost_with_the_disk_is_refused_until_they_ar
     rig.deliver_from(station.address, &flight);
     let third = with(waypoint(3, 0, 90.0, 0.0), "Contingency Waypoint A", 20);
     send_all(&mut rig, &mut station, &[(802, third), other]);
-    assert_eq!(transfer(&mut rig, &mut station, 2), None);
+    assert_eq!(transfer(&mut rig, &mut station, 2), Some(2));
     let alerts = station.alerts(&rig).concat();
     assert!(
         alerts.contains("the contingency waypoint of waypoint 1"),

@@ -33,6 +33,14 @@ impl Transfers {
     ) {
         let (name, route_id) = (mission_name(command), route_name(command));
         let cucs = cucs_of(context, &origin);
+        let of = (cucs, origin.stamp);
+        if let Some((_, unfit)) = store.unfit.take_if(|(load, _)| *load == of) {
+            if unfit.missing.is_none() && self.load.is_none() {
+                store.refuse_upload(context.mono(), of, effects);
+            }
+            let (mode, waypoint) = (Mode::Load, unfit.missing);
+            return status::reject(effects, origin, &name, mode, waypoint, unfit.why);
+        }
         let found = route_to_load(store.offered(cucs), route_id);
         let route = found.as_ref().ok().map(|(route, _)| route);
         // Before anything else: an incomplete upload must be refused even if no transfer is possible now.
