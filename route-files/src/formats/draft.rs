@@ -244,6 +244,8 @@ pub enum Datum {
     Home,
     /// The WGS-84 ellipsoid.
     Ellipsoid,
+    /// 1013.25 hPa in the standard atmosphere: how far that is from mean sea level depends on the weather.
+    Pressure,
     /// Not stated.
     Unstated,
 }
@@ -253,7 +255,8 @@ impl Datum {
     #[must_use]
     pub fn of(kind: Option<AltitudeType>) -> Self {
         match kind {
-            Some(AltitudeType::Barometric | AltitudeType::Pressure) => Self::SeaLevel,
+            Some(AltitudeType::Barometric) => Self::SeaLevel,
+            Some(AltitudeType::Pressure) => Self::Pressure,
             Some(AltitudeType::Agl) => Self::Home,
             Some(AltitudeType::Wgs84) => Self::Ellipsoid,
             _ => Self::Unstated,
@@ -271,6 +274,7 @@ impl Datum {
             Self::SeaLevel => Some(AltitudeType::Barometric),
             Self::Home => Some(AltitudeType::Agl),
             Self::Ellipsoid => Some(AltitudeType::Wgs84),
+            Self::Pressure => Some(AltitudeType::Pressure),
             Self::Unstated => None,
         }
     }
@@ -431,7 +435,7 @@ impl Draft {
                 let problem = "heights above home are compared with the terrain by the altitude of home: give --home-alt M";
                 return Err(FormatError::file(file, problem));
             }
-            (Datum::Ellipsoid | Datum::Unstated, _) => {
+            (Datum::Ellipsoid | Datum::Pressure | Datum::Unstated, _) => {
                 let problem = "the terrain is above mean sea level, and so must the route's altitudes be (amsl)";
                 return Err(FormatError::file(file, problem));
             }

@@ -429,6 +429,9 @@ pub fn write(file: &Path, draft: &Draft) -> Result<(Vec<u8>, Losses), FormatErro
                 "give them above mean sea level",
             );
         }
+        (_, Datum::Pressure) => {
+            return refuse("pressure altitudes", "give them above mean sea level");
+        }
         (Format::Gpx, Datum::Home) => return refuse("heights above home", "give --home-alt"),
         _ => {}
     }

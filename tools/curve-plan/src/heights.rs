@@ -80,8 +80,9 @@ impl Heights {
                     )
                 },
             )?),
-            // Not compared here: the VSM compares these, by the geoid separation that the vehicle reports.
-            Datum::Ellipsoid | Datum::Unstated => None,
+            // Not compared here: the VSM compares these, by the geoid separation that the vehicle reports and by the altimeter
+            // setting.
+            Datum::Ellipsoid | Datum::Pressure | Datum::Unstated => None,
         };
         let vertices = &densified.vertices;
         if let Some(home_m) = home_m.filter(|_| !allowed)

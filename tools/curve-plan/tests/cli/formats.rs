@@ -118,6 +118,40 @@ fn heights_above_home_are_kept_where_the_format_has_them() {
 }
 
 #[test]
+fn pressure_altitudes_are_not_those_above_sea_level() {
+    let files = Files::new();
+    let pressure = ROUTE.replace("amsl", "pressure");
+    files.put("press.toml", &pressure);
+    for ending in ["plan", "waypoints", "geojson", "kml", "csv", "gpx"] {
+        let out = format!("press.{ending}");
+        let (status, printed) = files.refused(&["densify", "press.toml", "-o", &out]);
+        assert!(
+            status == 2 && printed.contains("has pressure altitudes"),
+            "{printed}"
+        );
+        assert!(!files.path(&out).exists());
+    }
+    files.done(&["convert", "press.toml", "again.toml"]);
+    assert!(
+        files
+            .get("again.toml")
+            .contains("altitude_type = \"pressure\"")
+    );
+    let report = files.done(&["check", "press.toml", "--home", "47.4,8.5,480"]);
+    assert!(report.contains("heights: not compared"), "{report}");
+    let mixed = ROUTE.replace(
+        "altitude = 510.0",
+        "altitude = 510.0\naltitude_type = \"pressure\"",
+    );
+    files.put("mixed.toml", &mixed);
+    let (status, printed) = files.refused(&["densify", "mixed.toml"]);
+    assert!(
+        status == 2 && printed.contains("mixed.toml:13: waypoint 20: altitude_type: another"),
+        "{printed}"
+    );
+}
+
+#[test]
 fn relative_items_among_others_get_the_home_altitude_and_items_without_a_place_are_left_out() {
     let files = Files::new();
     files.put(
