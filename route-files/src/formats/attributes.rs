@@ -146,15 +146,10 @@ fn named<T: Copy + PartialEq>(text: &str, names: &Names<T>) -> Result<T, String>
     value.ok_or_else(|| format!("{text:?}, expected one of {}", names.expected()))
 }
 
-/// A finite number, its decimals after a point or, as a spreadsheet writes them in half the world, after a comma.
+/// A finite number. A table turns its decimal commas into points before: elsewhere a comma may as well divide thousands.
 pub(super) fn number(text: &str) -> Result<f64, String> {
-    let fault = || format!("{text:?}, expected a number");
-    let value: f64 = match text.matches(',').count() {
-        1 if !text.contains('.') => text.replace(',', ".").parse(),
-        _ => text.parse(),
-    }
-    .map_err(|_| fault())?;
-    value.is_finite().then_some(value).ok_or_else(fault)
+    let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
+    value.ok_or_else(|| format!("{text:?}, expected a number"))
 }
 
 fn count(text: &str) -> Result<u16, String> {

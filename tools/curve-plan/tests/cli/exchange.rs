@@ -357,7 +357,7 @@ fn a_table_of_a_spreadsheet_has_semicolons_and_decimal_commas() {
     assert!(waypoints[2].get("speed").is_none());
     files.put(
         "tabs.csv",
-        "lat\tlon\talt\n47,5\t8.5\t500\n47.6\t8,6\t510\n",
+        "lat\tlon\talt\n47,5\t8,5\t500\n47,6\t8,6\t510\n",
     );
     files.convert("tabs.csv", "tabs.toml", &["--strict"]);
     files.put("point.csv", "lat;lon;alt\n47.5;8.5;1.000,5\n");
