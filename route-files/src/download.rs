@@ -1,4 +1,5 @@
-//! A plan as a vehicle sends it: 13001, 13002, 13003, 50001 and 50002, in whatever order they arrive.
+//! A plan as a vehicle sends it: 13001, 13002, 13003, 50001 and 50002, in whatever order they arrive; and which actions at
+//! waypoints (13004, 13005, 13006) it has, which no route file holds.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,6 +14,8 @@ pub struct Download {
     waypoints: BTreeMap<u16, UaPositionWaypoint>,
     /// Loiters and curves by (type, first number, second number).
     others: BTreeMap<(u16, u16, u16), Message>,
+    /// Actions at waypoints by (number, type): what a file of this plan lacks.
+    actions: BTreeSet<(u16, u16)>,
 }
 
 impl Download {
@@ -24,7 +27,7 @@ impl Download {
     /// Whether nothing was received.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.routes.is_empty() && self.waypoints.is_empty() && self.others.is_empty()
+        self.len() == 0
     }
 
     /// The routes, in the order of their arrival.
@@ -63,7 +66,13 @@ impl Download {
     /// How many messages were received; one that replaced another does not count.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.routes.len() + self.waypoints.len() + self.others.len()
+        self.routes.len() + self.waypoints.len() + self.others.len() + self.actions.len()
+    }
+
+    /// The actions at its waypoints, which no route file holds: the number of the waypoint, 0 for the whole mission, and the
+    /// message. Whoever sends a file of this plan takes them away.
+    pub fn actions(&self) -> impl Iterator<Item = (u16, u16)> + '_ {
+        self.actions.iter().copied()
     }
 
     /// The waypoints received, and those that a route or a waypoint refers to, by rising number.
@@ -122,8 +131,20 @@ impl Download {
             Message::CurveSegmentPaper(curve) => {
                 self.keep(message, curve.p1_waypoint_no, curve.p4_waypoint_no)
             }
+            Message::PayloadActionWaypoint(action) => self.note(message, action.waypoint_number),
+            Message::AirframeActionWaypoint(action) => self.note(message, action.waypoint_number),
+            Message::VehicleSpecificWaypoint(action) => self.note(message, action.waypoint_number),
             _ => false,
         }
+    }
+
+    /// Keeps which action is at a waypoint, not the action itself.
+    fn note(&mut self, message: &Message, waypoint: Option<u16>) -> bool {
+        let Some(waypoint) = waypoint else {
+            return false;
+        };
+        self.actions.insert((waypoint, message.id()));
+        true
     }
 
     fn keep(&mut self, message: &Message, first: Option<u16>, second: Option<u16>) -> bool {
@@ -152,3 +173,35 @@ fn is_same(known: &UaRoute, new: &UaRoute) -> bool {
 const MAX_ROUTES: usize = 256;
 /// As many as there can be waypoints.
 const MAX_OTHERS: usize = 65_534;
+
+#[cfg(test)]
+mod tests {
+    use stanag_msgs::messages::{PayloadActionWaypoint, VehicleSpecificWaypoint};
+
+    use super::*;
+
+    #[test]
+    fn an_action_at_a_waypoint_counts_once_however_often_it_arrives() {
+        let mut download = Download::default();
+        let vehicle_specific = |number| VehicleSpecificWaypoint {
+            waypoint_number: number,
+            ..VehicleSpecificWaypoint::default()
+        };
+        let gimbal = PayloadActionWaypoint {
+            waypoint_number: Some(20),
+            ..PayloadActionWaypoint::default()
+        };
+        // Sent again where a waypoint is requested separately.
+        for _ in 0..2 {
+            assert!(download.take(&vehicle_specific(Some(20)).into()));
+            assert!(download.take(&vehicle_specific(Some(0)).into()));
+            assert!(download.take(&gimbal.clone().into()));
+        }
+        assert!(!download.take(&vehicle_specific(None).into()));
+        assert_eq!(download.len(), 3);
+        let actions: Vec<_> = download.actions().collect();
+        assert_eq!(actions, [(0, 13006), (20, 13004), (20, 13006)]);
+        download.clear();
+        assert!(download.is_empty());
+    }
+}

@@ -5,13 +5,16 @@ use std::path::Path;
 
 use serde_json::json;
 use stanag_msgs::enums::AreaPlanMode;
-use stanag_msgs::messages::{AreaTransferCommand, AreaVertex};
+use stanag_msgs::messages::{
+    AirframeActionWaypoint, AreaTransferCommand, AreaVertex, PayloadActionWaypoint,
+};
 use stanag_msgs::{Id, Message};
 
 use super::console::{Done, Operator, Style, remark};
 use super::error::OperatorError;
 use crate::fence;
 use crate::formats::{self, Import, Losses};
+use route_files::Download;
 use route_files::route::model::Route;
 
 impl<W: Write> Operator<W> {
@@ -46,7 +49,11 @@ impl<W: Write> Operator<W> {
         let download = self.station.download(vehicle).await?;
         let routes = Route::from_download(&download).map_err(crate::StationError::from)?;
         let text = Route::joined(routes).map_or_else(String::new, |route| route.to_toml());
-        self.write_or_print(vehicle, "plan", "route", &text, path)?;
+        let losses = lost_actions(&download);
+        let name = path.map_or_else(|| vehicle.to_string(), |path| path.display().to_string());
+        // Before the answer, which a script may take for the whole plan.
+        losses.report(&name, false)?;
+        self.write_or_print(vehicle, "plan", "route", &text, Some(&losses), path)?;
         let missing: Vec<String> = download.missing().iter().map(u16::to_string).collect();
         if missing.is_empty() {
             Ok(())
@@ -97,31 +104,40 @@ impl<W: Write> Operator<W> {
             "areas",
             "fence",
             &fence::to_toml(&fence::areas(vertices)),
+            None,
             path,
         )
     }
 
-    /// Writes the text of a plan to its file, or prints it.
+    /// Writes the text of a plan to its file, or prints it, and what of it is lost.
     fn write_or_print(
         &mut self,
         vehicle: Id,
         what: &str,
         key: &str,
         text: &str,
+        losses: Option<&Losses>,
         path: Option<&Path>,
     ) -> Done {
+        let answer = |key: &str, value: &str| {
+            let mut answer = json!({key: value});
+            if let Some(losses) = losses {
+                answer["losses"] = losses.to_json();
+            }
+            answer
+        };
         match path {
             // An empty plan is not printed: it would look like a plan file.
             _ if text.is_empty() && self.style == Style::People => {
                 remark(&format!("{vehicle}: no {what}: nothing is written"));
                 Ok(())
             }
-            _ if text.is_empty() => Ok(writeln!(self.out, "{}", json!({key: text}))?),
+            _ if text.is_empty() => Ok(writeln!(self.out, "{}", answer(key, text))?),
             None if self.style == Style::People => {
                 self.alerts_aside = true;
                 Ok(write!(self.out, "{text}")?)
             }
-            None => Ok(writeln!(self.out, "{}", json!({key: text}))?),
+            None => Ok(writeln!(self.out, "{}", answer(key, text))?),
             Some(path) => {
                 std::fs::write(path, text).map_err(|source| OperatorError::Write {
                     path: path.to_owned(),
@@ -129,7 +145,7 @@ impl<W: Write> Operator<W> {
                 })?;
                 self.print(
                     &format!("{vehicle}: {what} written to {}", path.display()),
-                    json!({"written": path.display().to_string()}),
+                    answer("written", &path.display().to_string()),
                 )
             }
         }
@@ -147,4 +163,23 @@ impl<W: Write> Operator<W> {
         let what = format!("areas (50017 mode {}, {mode})", mode.raw());
         self.query(vehicle, command, &what).await
     }
+}
+
+/// What of a plan its route file lacks: who sends that file takes the actions at its waypoints away.
+fn lost_actions(download: &Download) -> Losses {
+    let mut losses = Losses::of("waypoint");
+    losses.items = download.waypoints().count();
+    for (waypoint, message) in download.actions() {
+        let kind = match message {
+            PayloadActionWaypoint::ID => "payload action",
+            AirframeActionWaypoint::ID => "airframe action",
+            _ => "vehicle-specific action",
+        };
+        let what = format!("{kind} ({message})");
+        match waypoint {
+            0 => losses.add_whole(what + " of the whole mission"),
+            waypoint => losses.add(usize::from(waypoint), what),
+        }
+    }
+    losses
 }

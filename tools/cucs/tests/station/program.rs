@@ -6,6 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use stanag_msgs::messages::VehicleSpecificWaypoint;
+
 use crate::support::*;
 
 fn cucs(vsm: &str, arguments: &[&str]) -> Output {
@@ -318,6 +320,40 @@ fn a_plan_of_two_routes_is_fetched_as_a_file_that_can_be_sent_again() {
             assert!(both.contains(&format!("number = {number}\n")), "{both}");
         }
         assert!(done(&["send", &at("both.route.toml")]).contains("4 waypoints is aboard"));
+    });
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn a_download_names_the_actions_that_its_file_lacks() {
+    let folder = std::env::temp_dir().join(format!("actions-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let at = |name: &str| folder.join(name).display().to_string();
+    let route = "[[waypoint]]\nnumber = 20\nlatitude = 47.3\nlongitude = 8.5\naltitude = 30\naltitude_type = \"agl\"\n";
+    std::fs::write(at("a.route.toml"), route).unwrap();
+    let mut vsm = FakeVsm::new();
+    let photo = VehicleSpecificWaypoint {
+        waypoint_number: Some(20),
+        tag_type: Some(0),
+        tag_data: Some("PHOTO".into()),
+        ..VehicleSpecificWaypoint::default()
+    };
+    vsm.actions.push(photo.into());
+    with_vsm(vsm, |vsm| {
+        assert_eq!(result(&cucs(vsm, &["take"])).0, Some(0));
+        let (status, _, error) = result(&cucs(vsm, &["send", &at("a.route.toml")]));
+        assert_eq!(status, Some(0), "{error}");
+        let out = at("back.route.toml");
+        let (status, _, error) = result(&cucs(vsm, &["download", &out]));
+        assert_eq!(status, Some(0), "{error}");
+        let lost = "lost: vehicle-specific action (13006) at waypoint 20";
+        assert!(error.contains(&out) && error.contains(lost), "{error}");
+        for arguments in [&["--json", "download"][..], &["--json", "download", &out]] {
+            let (status, printed, error) = result(&cucs(vsm, arguments));
+            assert_eq!(status, Some(0), "{error}");
+            let losses = r#""lost":[{"what":"vehicle-specific action (13006)","item":20}]"#;
+            assert!(printed.contains(losses), "{printed}");
+        }
     });
     std::fs::remove_dir_all(&folder).unwrap();
 }

@@ -92,6 +92,8 @@ pub(crate) struct FakeVsm {
     /// The stored 13002s.
     pub(crate) waypoints: BTreeMap<u16, Message>,
     pub(crate) routes: Vec<Message>,
+    /// Actions at waypoints (13004, 13006), which a download gives back.
+    pub(crate) actions: Vec<Message>,
     /// Refuses a load, with this waypoint and reason.
     pub(crate) refuse_load: Option<(u16, String)>,
     /// Refuses mode commands with this reason.
@@ -242,6 +244,7 @@ impl FakeVsm {
                                 .filter(|(number, _)| !forgets.contains(number))
                                 .map(|(_, message)| message.clone()),
                         );
+                        all.extend(self.actions.iter().cloned());
                         all.into_iter()
                             .map(|message| datagram(VEHICLE, CUCS, message))
                             .collect()
