@@ -50,7 +50,13 @@ impl Command {
             flown
         };
         let strict = self.how.import.strict;
-        let losses = write(self.output.path(), &written, &self.addresses, strict)?;
+        let losses = write(
+            &self.input,
+            self.output.path(),
+            &written,
+            &self.addresses,
+            strict,
+        )?;
         if self.json {
             let report = json!({ "written": self.output.path().display().to_string(), "losses": losses.to_json() });
             print(&format!("{report}\n"))?;

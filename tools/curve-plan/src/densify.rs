@@ -34,7 +34,13 @@ impl Command {
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
         let flown = flown(&loaded.route, &densified);
         let losses = match self.output.path() {
-            Some(output) => write(output, &flown, &self.addresses, self.how.import.strict)?,
+            Some(output) => write(
+                &self.file,
+                output,
+                &flown,
+                &self.addresses,
+                self.how.import.strict,
+            )?,
             None => {
                 loaded.report_losses(&self.how)?;
                 flown.losses

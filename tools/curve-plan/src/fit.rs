@@ -95,7 +95,7 @@ impl Command {
                 // Between joints a leg climbs evenly, whatever the ground does there, so its clearance is checked.
                 route.above_ground(terrain, &self.file)?;
             }
-            write(output, &route, &self.addresses, self.strict)?;
+            write(&self.file, output, &route, &self.addresses, self.strict)?;
         }
         let (legs, deviation_m) = (fitted.legs.len(), fitted.deviation_m);
         // Where some fixes have no altitude there is nothing to compare with.

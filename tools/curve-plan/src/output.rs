@@ -56,9 +56,10 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// Writes a route to a file, in the file's format or as messages, and reports what is lost. With `--strict` nothing
-/// is written where something would be lost.
+/// Writes the route of the file `source` to another, in its format or as messages, and reports what is lost. With `--strict`
+/// nothing is written where something would be lost.
 pub(crate) fn write(
+    source: &Path,
     file: &Path,
     route: &Draft,
     addresses: &Addresses,
@@ -66,7 +67,8 @@ pub(crate) fn write(
 ) -> Result<Losses, Failure> {
     let format = Format::of(file)?;
     let (bytes, losses) = if matches!(format, Format::Hex | Format::Pcapng) {
-        let (plan, losses) = route.to_send(file)?;
+        // What the messages do not carry is still in the source: they cannot be read again.
+        let (plan, losses) = route.to_send(source)?;
         let bytes = match format {
             Format::Hex => addresses.hex(&plan)?.into_bytes(),
             _ => addresses.pcapng(&plan)?,

@@ -118,6 +118,22 @@ fn heights_above_home_are_kept_where_the_format_has_them() {
 }
 
 #[test]
+fn the_fence_that_messages_lack_is_sent_from_the_file_that_has_it() {
+    let files = Files::new();
+    let fence = "\n[[area]]\nkeep = \"in\"\ncentre = [47.398, 8.547]\nradius = 500.0\n";
+    files.put("fenced.toml", &format!("{ROUTE}{fence}"));
+    for out in ["o.hex", "o.pcapng"] {
+        let output = files.run(&["convert", "fenced.toml", out]);
+        let printed = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{printed}");
+        assert!(
+            printed.contains("(send it with \"cucs fence fenced.toml\")"),
+            "{printed}"
+        );
+    }
+}
+
+#[test]
 fn pressure_altitudes_are_not_those_above_sea_level() {
     let files = Files::new();
     let pressure = ROUTE.replace("amsl", "pressure");
