@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use curve_paths::flight::{Airframe, FlightPlan, Flown, Policy, measure, plan_flight};
+use curve_paths::flight::{Airframe, FlightPlan, Flown, NotFlyable, Policy, measure, plan_flight};
 use curve_paths::{Densified, Leg, Position};
 use serde_json::json;
 
@@ -100,8 +100,12 @@ impl Command {
         } else {
             Policy::Refuse
         };
-        let plan = plan_flight(&loaded.legs, &densified, &airframe, self.speed, policy)
-            .map_err(|e| Failure::answer(&self.file, e))?;
+        let plan = plan_flight(&loaded.legs, &densified, &airframe, self.speed, policy).map_err(
+            |fault| match fault {
+                NotFlyable::Speed { .. } => Failure::Usage(format!("--{fault}")),
+                _ => Failure::answer(&self.file, fault),
+            },
+        )?;
         let misread = misread(&loaded.legs, tolerance_m);
         let flown = self
             .flown

@@ -4,7 +4,7 @@
 //! place (G0), start on whichever fixes save a leg, and are measured both ways against the polyline of the fixes.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use cucs::formats::{self, Selection};
@@ -66,7 +66,7 @@ impl Compare {
         let rows = self
             .tolerances
             .iter()
-            .map(|&t| row(&track, t))
+            .map(|&t| row(&self.file, &track, t))
             .collect::<Result<Vec<_>, _>>()?;
         if self.json {
             let text = serde_json::to_string(&rows).map_err(|e| Failure::Answer(e.to_string()))?;
@@ -76,24 +76,24 @@ impl Compare {
     }
 }
 
-fn row(track: &Track, tolerance_m: f64) -> Result<Row, Failure> {
-    let answer =
-        |e: &dyn std::fmt::Display| Failure::Answer(format!("tolerance {tolerance_m}: {e}"));
+fn row(file: &Path, track: &Track, tolerance_m: f64) -> Result<Row, Failure> {
+    let unfitted = |fault| Failure::fit(file, fault);
     let straight = straighten(track, tolerance_m, Start::First)
-        .map_err(|e| answer(&e))?
+        .map_err(unfitted)?
         .legs();
     let straight_any_start = straighten(track, tolerance_m, Start::Any)
-        .map_err(|e| answer(&e))?
+        .map_err(unfitted)?
         .legs();
     let options = FitOptions {
         tolerance_m,
         continuity: Continuity::G0,
         corner_deg: None,
     };
-    let fitted = fit(track, &options, &mut progress()).map_err(|e| answer(&e))?;
+    let fitted = fit(track, &options, &mut progress()).map_err(unfitted)?;
     let cubic = fitted.legs.len();
     let legs: Vec<Leg> = fitted.legs.iter().map(|&leg| leg.into()).collect();
-    let dense = densify(&legs, &Options::geometry(tolerance_m)).map_err(|e| answer(&e))?;
+    let dense = densify(&legs, &Options::geometry(tolerance_m))
+        .map_err(|fault| Failure::densify(file, tolerance_m, fault))?;
     // An open route has one waypoint more than it has legs.
     let open = usize::from(!track.is_closed());
     Ok(Row {

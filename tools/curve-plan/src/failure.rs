@@ -6,6 +6,8 @@ use std::process::ExitCode;
 
 use cucs::formats::FormatError;
 use cucs::{OperatorError, StationError};
+use curve_paths::DensifyError;
+use curve_paths::fit::FitError;
 use thiserror::Error;
 
 /// A reason to stop.
@@ -38,6 +40,27 @@ impl Failure {
     pub(crate) fn answer(file: impl AsRef<Path>, problem: impl ToString) -> Self {
         let file = file.as_ref().display();
         Self::Answer(format!("{file}: {}", problem.to_string()))
+    }
+
+    /// A track that is not fitted: the command line is wrong where its tolerance is none.
+    pub(crate) fn fit(file: impl AsRef<Path>, fault: FitError) -> Self {
+        match fault {
+            FitError::Tolerance { .. } => Self::Usage(format!("--{fault}")),
+            _ => Self::answer(file, fault),
+        }
+    }
+
+    /// A route that is not densified at this tolerance, likewise. A search for one that needs fewer items may reach another
+    /// that is none: then the answer is no.
+    pub(crate) fn densify(file: impl AsRef<Path>, requested_m: f64, fault: DensifyError) -> Self {
+        match fault {
+            DensifyError::Tolerance { tolerance_m, .. }
+                if tolerance_m.total_cmp(&requested_m).is_eq() =>
+            {
+                Self::Usage(format!("--{fault}"))
+            }
+            _ => Self::answer(file, fault),
+        }
     }
 
     /// Prints it on standard error; returns the exit status.

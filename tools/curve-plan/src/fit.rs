@@ -88,7 +88,7 @@ impl Command {
             corner_deg: self.corner,
         };
         let fitted =
-            fit(&track, &options, &mut progress()).map_err(|e| Failure::answer(&self.file, e))?;
+            fit(&track, &options, &mut progress()).map_err(|e| Failure::fit(&self.file, e))?;
         if let Some(output) = self.output.path() {
             let route = of_fit(&read.name, &fitted, closed, read.datum);
             if let Some(terrain) = &terrain {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use cucs::formats::{self, Draft, Import};
-use curve_paths::{Densified, Leg, Options, Vertices, densify, densify_to_budget};
+use curve_paths::{BudgetError, Densified, Leg, Options, Vertices, densify, densify_to_budget};
 
 use crate::failure::Failure;
 
@@ -86,10 +86,15 @@ impl Loaded {
         match how.max_items {
             Some(max) => densify_to_budget(&self.legs, max, &options)
                 .map(|found| (found.densified, found.tolerance_m))
-                .map_err(|e| Failure::answer(&self.file, e)),
+                .map_err(|fault| match fault {
+                    BudgetError::Densify(fault) => {
+                        Failure::densify(&self.file, how.tolerance, fault)
+                    }
+                    fault @ BudgetError::TooFew { .. } => Failure::answer(&self.file, fault),
+                }),
             None => densify(&self.legs, &options)
                 .map(|densified| (densified, how.tolerance))
-                .map_err(|e| Failure::answer(&self.file, e)),
+                .map_err(|fault| Failure::densify(&self.file, how.tolerance, fault)),
         }
     }
 }

@@ -149,3 +149,47 @@ fn mistakes_of_units_and_kinds_of_files_are_answered_in_words() {
         "speed is -5 m/s, expected more than 0",
     );
 }
+
+#[test]
+fn a_tolerance_or_a_speed_that_is_none_is_a_wrong_command_line() {
+    let files = Files::new();
+    files.done(&["densify", "route.toml", "track.csv"]);
+    let home = ["--home", "47.4,8.5,400"];
+    let cases: [(&[&str], &str, &[&str]); 5] = [
+        (
+            &["fit", "track.csv"],
+            "--tolerance",
+            &["nan", "0", "-1", "1e9"],
+        ),
+        (
+            &["compare", "track.csv"],
+            "--tolerance",
+            &["nan", "0", "-1"],
+        ),
+        (
+            &["densify", "route.toml"],
+            "--tolerance",
+            &["nan", "0", "-1"],
+        ),
+        (
+            &["densify", "route.toml", "--max-items", "50"],
+            "--tolerance",
+            &["nan", "0"],
+        ),
+        (
+            &["check", "route.toml", home[0], home[1]],
+            "--speed",
+            &["nan", "0", "-5"],
+        ),
+    ];
+    for (command, option, wrong) in cases {
+        for value in wrong {
+            let (status, printed) = files.refused(&[command, &[option, value]].concat());
+            let expected = format!("{option} is ");
+            assert!(
+                status == 2 && printed.contains(&expected),
+                "{value}: {printed}"
+            );
+        }
+    }
+}
