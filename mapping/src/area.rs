@@ -70,6 +70,18 @@ fn outline(corners: &[(f64, f64)]) -> Polygon {
     Polygon::new(ring.collect::<LineString>(), Vec::new())
 }
 
+/// The first corner from which a side leads over more than half the globe, and how far, degrees of longitude: the area that was
+/// meant crosses 180 degrees. PX4 compares plain longitudes (geofence.cpp, `insidePolygon`), and so does [`Area::contains`]: inside
+/// and outside would be exchanged.
+fn across_180(corners: &[(f64, f64)]) -> Option<(usize, f64)> {
+    let next = corners.iter().cycle().skip(1);
+    let sides = corners.iter().zip(next);
+    let spans_deg = sides.map(|((_, from), (_, to))| (to - from).abs());
+    spans_deg
+        .enumerate()
+        .find(|(_, span_deg)| *span_deg > 180.0)
+}
+
 /// The areas that a CUCS has sent, as it sent them, by Area ID and Vertex Number.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Areas(BTreeMap<u16, BTreeMap<u8, AreaVertex>>);
@@ -249,10 +261,14 @@ pub fn fence(
         if *id != 0 && area.keep_in && configured.iter().any(|area| area.keep_in) {
             return Err(fault(None, Reason::Widens));
         }
-        if let Shape::Polygon(corners) = &area.shape
-            && !outline(corners).is_valid()
-        {
-            return Err(fault(None, Reason::Outline));
+        if let Shape::Polygon(corners) = &area.shape {
+            if let Some((at, span_deg)) = across_180(corners) {
+                let vertex = u8::try_from(at + 1).ok();
+                return Err(fault(vertex, Reason::Across180(span_deg)));
+            }
+            if !outline(corners).is_valid() {
+                return Err(fault(None, Reason::Outline));
+            }
         }
         if let (Some(at), false) = (vehicle, area.keep_in)
             && area.contains(at)
@@ -352,6 +368,12 @@ pub enum Reason {
     /// The same place twice in turn, or sides that cross.
     #[error("its sides cross, or it has no inside")]
     Outline,
+    /// A side across 180 degrees of longitude.
+    #[error(
+        "its side to the next vertex spans {0:.1} deg of longitude, expected at most 180: PX4 keeps no polygon across 180 deg, use a \
+         circle"
+    )]
+    Across180(f64),
     /// More than the vehicle holds.
     #[error("{0} vertices with the areas before it, the vehicle holds 64")]
     TooMany(usize),
@@ -518,6 +540,43 @@ mod tests {
             (fault.area, fault.vertex, fault.reason),
             (2, Some(32), Reason::TooMany(66))
         );
+    }
+
+    #[test]
+    fn a_polygon_across_180_degrees_is_refused_and_a_circle_is_not() {
+        let polygon = |keep_in, corners: &[(f64, f64)]| Area {
+            keep_in,
+            shape: Shape::Polygon(corners.to_vec()),
+        };
+        let corners = [
+            (-16.8, 179.9),
+            (-16.8, -179.9),
+            (-16.6, -179.9),
+            (-16.6, 179.9),
+        ];
+        for keep_in in [true, false] {
+            let area = polygon(keep_in, &corners);
+            let fault = fence(&[], &[(7, area.clone())], Some((-16.7, 179.9995))).unwrap_err();
+            let span_deg = 359.8;
+            assert!(
+                matches!(fault.reason, Reason::Across180(found) if (found - span_deg).abs() < 1e-6),
+                "{fault}"
+            );
+            assert_eq!((fault.area, fault.vertex), (7, Some(1)));
+            let later = polygon(keep_in, &corners[1..]);
+            assert_eq!(fence(&[later], &[], None).unwrap_err().vertex, Some(2));
+        }
+        let circle = |centre| Area {
+            keep_in: true,
+            shape: Shape::Circle {
+                centre,
+                radius_m: 500.0,
+            },
+        };
+        let across = [(7, circle((-16.7, -179.9995)))];
+        assert!(fence(&[], &across, Some((-16.7, 179.9995))).is_ok());
+        let beside = polygon(true, &[(-16.8, 179.8), (-16.8, 180.0), (-16.6, 180.0)]);
+        assert!(fence(&[beside], &[], None).is_ok());
     }
 
     #[test]
