@@ -514,6 +514,17 @@ mod tests {
             assert!(answer.try_recv().is_ok_and(|body| !body.is_empty()));
         }
         assert!(asked.get() <= 2, "{}", asked.get());
+        // Nor does it help to ask for other moments, of which there is none but now, or for other vehicles.
+        let mut bodies = std::collections::BTreeSet::new();
+        for number in 0..100 {
+            let (to, mut answer) = tokio::sync::oneshot::channel();
+            let at = Some(Duration::from_secs(number));
+            let chosen = format!("{number:02}").parse().expect("a pattern");
+            Query::Status(at, Some(vec![chosen]), to).answer(&Counted(&asked), &mut kept);
+            bodies.insert(answer.try_recv().expect("it is answered").as_ptr());
+        }
+        assert!(asked.get() <= 4, "{}", asked.get());
+        assert!(bodies.len() < 99, "{}", bodies.len());
         std::thread::sleep(Duration::from_millis(210));
         let (to, _answer) = tokio::sync::oneshot::channel();
         let before = asked.get();

@@ -18,7 +18,7 @@ use tokio::time::Instant;
 use super::metrics;
 use super::source::{PageInfo, Source};
 use super::tiles::{Tiles, TilesInfo};
-use crate::session::VehiclePattern;
+use crate::session::{Status, VehiclePattern};
 
 /// A question to the bridge, and where its answer goes: JSON, or the text of /metrics.
 #[derive(Debug)]
@@ -40,6 +40,8 @@ type Details = Option<Vec<VehiclePattern>>;
 impl Query {
     /// Answers it; the client may be gone.
     pub(super) fn answer(self, source: &impl Source, kept: &mut Kept) {
+        // Without a recording each moment is now: whatever a client writes there is the same question.
+        let moment = |at: Moment| at.filter(|_| source.page().replay.is_some());
         let _ = match self {
             Query::Page(to) => {
                 let tiles = kept.tiles.clone();
@@ -50,16 +52,13 @@ impl Query {
                 to.send(json(&page).into())
             }
             Query::Status(at, details, to) => {
-                let compose = |(at, details): &(Moment, Details)| {
-                    let mut status = source.status(*at);
-                    if let Some(of) = details {
-                        status.keep_details(of);
-                    }
-                    json(&status)
-                };
-                to.send(kept.status.get((at, details), compose))
+                let at = moment(at);
+                to.send(kept.status.get(at, details, || source.status(at)))
             }
-            Query::Map(at, to) => to.send(kept.map.get(at, |at| json(&source.map(*at)))),
+            Query::Map(at, to) => {
+                let compose = |at: &Moment| json(&source.map(*at));
+                to.send(kept.map.get(moment(at), compose))
+            }
             Query::Events(from, at, to) => to.send(json(&source.events(from, at)).into()),
             Query::Tracks(to) => to.send(json(&source.tracks()).into()),
             Query::Metrics(to) => {
@@ -74,9 +73,75 @@ impl Query {
 #[derive(Debug, Default)]
 pub(super) struct Kept {
     pub(super) tiles: Option<TilesInfo>,
-    status: Answer<(Moment, Details)>,
+    status: Documents,
     map: Answer<Moment>,
     metrics: Answer<()>,
+}
+
+/// The status that was composed last, and the documents that were made of it: what composing and writing them took bounds how
+/// soon it is composed again, whatever vehicles clients choose.
+#[derive(Debug, Default)]
+struct Documents(Option<ComposedStatus>);
+
+#[derive(Debug)]
+struct ComposedStatus {
+    of: Moment,
+    status: Status,
+    bodies: Vec<(Details, Bytes)>,
+    began: Instant,
+    took: Duration,
+}
+
+impl Documents {
+    fn get(&mut self, at: Moment, details: Details, compose: impl FnOnce() -> Status) -> Bytes {
+        let began = Instant::now();
+        let kept = self.0.take();
+        let kept = kept.filter(|kept| kept.of == at && began < kept.until());
+        let kept = kept.unwrap_or_else(|| ComposedStatus {
+            of: at,
+            status: compose(),
+            bodies: Vec::new(),
+            began,
+            took: began.elapsed(),
+        });
+        self.0.insert(kept).document(details)
+    }
+}
+
+impl ComposedStatus {
+    fn until(&self) -> Instant {
+        self.began + KEPT.max(self.took * ONE_PART_IN)
+    }
+
+    fn document(&mut self, details: Details) -> Bytes {
+        let known = |details: &Details| {
+            let mut bodies = self.bodies.iter();
+            let body = bodies.find(|(of, _)| of == details);
+            body.map(|(_, body)| body.clone())
+        };
+        // Clients that choose ever other vehicles get the rows of the list: each choice costs the thread that flies a document.
+        let details = match known(&details) {
+            Some(body) => return body,
+            None if self.bodies.len() < MAX_CHOICES => details,
+            None => Some(Vec::new()),
+        };
+        if let Some(body) = known(&details) {
+            return body;
+        }
+        let began = Instant::now();
+        let body = match &details {
+            None => json(&self.status),
+            Some(of) => {
+                let mut status = self.status.clone();
+                status.keep_details(of);
+                json(&status)
+            }
+        };
+        self.took += began.elapsed();
+        let body = Bytes::from(body);
+        self.bodies.push((details, body.clone()));
+        body
+    }
 }
 
 #[derive(Debug, Default)]
@@ -283,6 +348,8 @@ fn response(code: StatusCode, kind: &'static str, body: Body) -> Response<Body> 
 
 /// Patterns in one request.
 const MAX_DETAILS: usize = 16;
+/// Different choices of vehicles that are answered of one composed status.
+const MAX_CHOICES: usize = 32;
 const KEPT: Duration = Duration::from_millis(200);
 /// Of a thousand vehicles an answer takes milliseconds of the thread that flies: that is one part in so many of its time.
 const ONE_PART_IN: u32 = 30;
