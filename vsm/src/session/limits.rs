@@ -74,6 +74,9 @@ pub(crate) const REFUSALS: Rate = Rate::one_in(Duration::from_millis(250), 32);
 pub(crate) const NOTICES: Rate = Rate::one_in(Duration::from_millis(125), 240);
 /// Messages of alerts that begin, change or end.
 pub(crate) const ALERTS: Rate = Rate::one_in(Duration::from_millis(50), 200);
+/// Changes of the vehicle's own parameters in the log: a ground station that loads a file of them is logged whole, and a value that
+/// flutters does not push everything else out of the page's events.
+pub(crate) const PARAMETER_NOTES: Rate = Rate::one_in(Duration::from_secs(1), 100);
 /// Changes of mode that are reported by themselves.
 pub(crate) const MODES: Rate = Rate::one_in(Duration::from_millis(100), 40);
 

@@ -22,8 +22,10 @@ use super::answers::AnswerQueue;
 use super::controls::{ControlWatch, values_by};
 use crate::config::Provisional;
 use crate::session::alerts::Cause;
+use crate::session::allowance::Allowance;
 use crate::session::context::{Context, MissionView, Origin, ParameterView};
 use crate::session::effects::Effects;
+use crate::session::limits::PARAMETER_NOTES;
 use crate::session::log::LogLevel;
 
 /// The machine.
@@ -39,6 +41,12 @@ pub(super) struct Configuration {
     modes: Option<Available>,
     /// Whether the vehicle hovered at the last check.
     hovered: Option<bool>,
+    /// Parameters have changed since the last check: what they had bounded before the first change, and whether the vehicle
+    /// hovered then.
+    changed: Option<(bool, Vec<Message>)>,
+    /// Rate limit of changes in the log.
+    notes: Allowance,
+    left_out: u32,
     controls: ControlWatch,
 }
 
@@ -261,8 +269,9 @@ impl Configuration {
         self.controls.names_to_read(context, effects)
     }
 
-    /// Keeps a reported value; if it has changed, sends the resulting changes to configured stations. `informed`: stations
-    /// that receive its 50012 for another reason.
+    /// Keeps a reported value. If it has changed, configured stations are sent the resulting changes at the next check: all
+    /// bounds are compared once, however many parameters change. `informed`: stations that receive its 50012 for another
+    /// reason.
     pub(super) fn store_parameter(
         &mut self,
         context: &Context<'_>,
@@ -278,26 +287,46 @@ impl Configuration {
             Value::Int(value) => f64::from(value),
             Value::Real(value) => f64::from(value),
         };
-        let known = self.parameters.get(name.as_str()).is_some();
+        let known = self.parameters.get(name.as_str());
         // Only a change of a known value can change what was reported.
-        let before = if known {
-            self.bounded(context)
-        } else {
-            Vec::new()
-        };
-        if !self.parameters.set(name.as_str(), value) || !known {
+        let changes = value.is_finite() && known.is_some() && known != Some(value);
+        if changes && self.changed.is_none() && !self.configured.is_empty() {
+            let hovers = context.vehicle.telemetry.hovers();
+            self.changed = Some((hovers, self.bounded_as(hovers, context)));
+        }
+        if !self.parameters.set(name.as_str(), value) || known.is_none() {
             return;
         }
-        let text = format!("the vehicle's parameter {} is now {value}", name.as_str());
-        effects.note(LogLevel::Info, text);
+        self.note_change(name, value, effects);
         self.report_own_failsafe(effects);
-        let changed: Vec<Message> = self
-            .bounded(context)
-            .into_iter()
-            .zip(before)
-            .filter(|(now, before)| now != before)
-            .map(|(now, _)| now)
-            .collect();
+    }
+
+    fn note_change(&mut self, name: Name, value: f64, effects: &mut Effects<'_>) {
+        if !self.notes.take(effects.dli.now.mono, PARAMETER_NOTES) {
+            self.left_out += 1;
+            return;
+        }
+        let more = match std::mem::take(&mut self.left_out) {
+            0 => String::new(),
+            left_out => format!(" ({left_out} changes before it are not logged)"),
+        };
+        let name = name.as_str();
+        let text = format!("the vehicle's parameter {name} is now {value}{more}");
+        effects.note(LogLevel::Info, text);
+    }
+
+    /// Reports the limits that changed with parameters since the last check.
+    pub(super) fn watch_parameters(
+        &mut self,
+        context: &Context<'_>,
+        answers: &mut AnswerQueue,
+        effects: &mut Effects<'_>,
+    ) {
+        let Some((hovers, before)) = self.changed.take() else {
+            return;
+        };
+        let now = self.bounded_as(hovers, context).into_iter();
+        let changed: Vec<Message> = now.filter(|message| !before.contains(message)).collect();
         self.report_changes(&changed, None, answers, effects);
     }
 
@@ -363,12 +392,7 @@ impl Configuration {
         answers.send_due(effects);
     }
 
-    /// The answers that depend on parameters, in a fixed order.
-    fn bounded(&self, context: &Context<'_>) -> Vec<Message> {
-        self.bounded_as(context.vehicle.telemetry.hovers(), context)
-    }
-
-    /// The same for a VTOL in this state.
+    /// The answers that depend on parameters, in a fixed order, as of a VTOL in this state.
     fn bounded_as(&self, hovers: bool, context: &Context<'_>) -> Vec<Message> {
         let subject = Subject {
             hovers,

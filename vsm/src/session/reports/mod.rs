@@ -281,6 +281,8 @@ impl Reports {
                 self.configuration
                     .watch_modes(common, mission, answers, effects);
                 self.configuration.watch_state(common, answers, effects);
+                self.configuration
+                    .watch_parameters(common, answers, effects);
             }
             Input::WatchIdentity => self.watch_identity(context, effects),
             Input::SendConfiguration => answers.send_due(effects),

@@ -90,6 +90,30 @@ fn who_has_read_a_parameter_is_sent_its_changes_and_all_are_warned_of_a_foreign_
 }
 
 #[test]
+fn a_parameter_that_flutters_does_not_fill_the_log() {
+    let (mut world, mut reports) = followed();
+    let changes = |world: &World| {
+        let texts = world.log.iter().map(|entry| entry.text.as_str());
+        let of_it = texts.filter(|text| text.starts_with("the vehicle's parameter "));
+        of_it.map(str::to_owned).collect::<Vec<_>>()
+    };
+    for number in 0..5_000_u16 {
+        world.advance(Duration::from_millis(1));
+        observe(&mut world, &mut reports, reported(f32::from(number)));
+    }
+    let logged = changes(&world);
+    assert!((100..=106).contains(&logged.len()), "{}", logged.len());
+    world.advance(Duration::from_secs(2));
+    observe(&mut world, &mut reports, reported(0.5));
+    let last = changes(&world).pop().expect("it is logged");
+    assert!(
+        last.starts_with("the vehicle's parameter MPC_XY_CRUISE is now 0.5 (")
+            && last.ends_with(" changes before it are not logged)"),
+        "{last}"
+    );
+}
+
+#[test]
 fn a_follower_is_sent_what_another_station_sets_and_that_one_its_own_answer() {
     for (station, expected) in [(0, &[50012][..]), (1, &[17000, 50012, 17000])] {
         let (mut world, mut reports) = followed();
