@@ -347,9 +347,17 @@ impl Client {
                 if got.as_str() == HASH_CHECK {
                     // The hash's bits travel in the float (byte union), and its index is 65535.
                     list.hash = Some(data.param_value.to_bits());
+                } else if data.param_count > MAX_COUNT {
+                    // Gaps of such a list cannot be requested: it would only fail later, after all that it claims to have.
+                    let (have, total) = (list.entries.len(), data.param_count);
+                    return (true, Some(Event::ListFailed { have, total }));
                 } else if data.param_index != NO_INDEX && data.param_index < data.param_count {
                     // Never index 65535, which PX4 sends for a parameter not in use yet: it has no place in the list.
                     let entry = Entry { name: got, value };
+                    if data.param_count < list.total {
+                        // The vehicle has stopped using a parameter while it sent the list: entries beyond are stale.
+                        list.entries.split_off(&data.param_count);
+                    }
                     list.total = data.param_count;
                     if list.entries.insert(data.param_index, entry).is_none() {
                         // The vehicle still sends the list: the deadline counts from its last new entry.
@@ -365,11 +373,10 @@ impl Client {
 
     fn list_progress(&mut self, list: &mut List) -> Option<Event> {
         let have = list.entries.len();
-        if list.total > 0 && list.first_missing().is_none() {
-            let mut entries = std::mem::take(&mut list.entries);
-            // The vehicle may have stopped using a parameter while it sent the list: total shrinks, and entries beyond it
-            // are stale.
-            entries.split_off(&list.total);
+        // Counted, since no entry is beyond the total: to look for gaps at each value would take time with the square of what a
+        // vehicle claims to have.
+        if list.total > 0 && have == usize::from(list.total) {
+            let entries = std::mem::take(&mut list.entries);
             return Some(Event::List {
                 entries: entries.into_values().collect(),
                 hash: list.hash,
@@ -424,7 +431,7 @@ impl Client {
             Job::List(list) => {
                 let window = usize::from(self.timing.window);
                 for index in list.missing().take(window) {
-                    // PARAM_REQUEST_READ.param_index is signed: above 32767 nothing can be requested, and the list fails.
+                    // PARAM_REQUEST_READ.param_index is signed. No list is longer (`MAX_COUNT`).
                     if let Ok(index) = i16::try_from(index) {
                         self.request_read(None, index);
                     }
@@ -445,10 +452,6 @@ impl Client {
 }
 
 impl List {
-    fn first_missing(&self) -> Option<u16> {
-        self.missing().next()
-    }
-
     fn missing(&self) -> impl Iterator<Item = u16> + '_ {
         (0..self.total).filter(|index| !self.entries.contains_key(index))
     }
@@ -457,7 +460,83 @@ impl List {
 /// Requests and unread events together.
 const MAX_EVENTS: usize = 64;
 const MAX_OUT: usize = 64;
+/// Parameters of a list: PARAM_REQUEST_READ.param_index is an i16, so no index above 32767 can be requested.
+const MAX_COUNT: u16 = 32_768;
 
 fn refused(name: Name, reason: Refusal) -> Event {
     Event::Refused { name, reason }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Instant;
+
+    use mavlink::dialects::development::MavParamType;
+
+    use super::*;
+
+    const US: Node = Node::new(245, 190);
+    const PX4: Node = Node::new(1, 1);
+
+    fn listing() -> Client {
+        let mut client = Client::new(US, PX4, Timing::default());
+        client.list(Duration::ZERO).expect("nothing waits");
+        client
+    }
+
+    fn report(client: &mut Client, param_index: u16, param_count: u16) -> Option<Event> {
+        let name = Name::new(&format!("P{param_index}")).expect("a name");
+        let value = MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+            param_value: 1.0,
+            param_count,
+            param_index,
+            param_id: name.to_wire(),
+            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+        });
+        client.handle_message(Duration::ZERO, PX4, &value, true);
+        client.poll_event()
+    }
+
+    fn names(event: Option<Event>) -> Vec<String> {
+        let Some(Event::List { entries, .. }) = event else {
+            panic!("{event:?}");
+        };
+        let names = entries.iter().map(|entry| entry.name.as_str().to_owned());
+        names.collect()
+    }
+
+    #[test]
+    fn a_list_that_shrinks_while_it_is_sent_is_whole_without_its_end() {
+        let mut client = listing();
+        for index in [0, 1, 3] {
+            let have = report(&mut client, index, 4);
+            assert!(matches!(have, Some(Event::Progress { .. })), "{have:?}");
+        }
+        assert_eq!(names(report(&mut client, 2, 3)), ["P0", "P1", "P2"]);
+    }
+
+    #[test]
+    fn a_list_takes_no_more_time_for_each_value_the_longer_it_is() {
+        let (mut client, begun) = (listing(), Instant::now());
+        let mut last = None;
+        for index in 0..MAX_COUNT {
+            last = report(&mut client, index, MAX_COUNT);
+        }
+        assert_eq!(names(last).len(), usize::from(MAX_COUNT));
+        // To look for gaps at each value took minutes.
+        let took = begun.elapsed();
+        assert!(took < Duration::from_secs(10), "{took:?}");
+    }
+
+    #[test]
+    fn a_list_whose_gaps_could_not_be_requested_fails_at_once() {
+        let mut client = listing();
+        let failed = report(&mut client, 0, MAX_COUNT + 1);
+        let expected = Event::ListFailed {
+            have: 0,
+            total: MAX_COUNT + 1,
+        };
+        assert_eq!(failed, Some(expected));
+        assert_eq!(client.pending(), 0);
+    }
 }
