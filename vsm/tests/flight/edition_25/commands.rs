@@ -243,6 +243,40 @@ fn the_configuration_phase_speaks_in_messages_and_fields_of_the_edition() {
     assert_eq!(station.take(&rig, 1203).len(), 1);
 }
 
+/// Each mode after its values, under #48 manual, by which the mode before it has used some of them.
+#[test]
+fn a_launch_a_steering_and_a_loiter_have_the_demand_before_them_under_manual_preference() {
+    let (mut rig, mut station) = ready();
+    let manual = json!({ "Altitude Mode": 2, "Speed Mode": 2, "Course/Heading Mode": 2 });
+    station.send(&mut rig, vehicle_id(0), 48, &manual);
+    rig.run(0.5);
+    take_off(&mut rig, &mut station, 20.0);
+    assert!(rig.until(20.0, |rig| rig.truth().mode == Px4::Loiter));
+    let alerts = station.alerts(&rig).join("|");
+    assert!(!alerts.contains("refused"), "{alerts}");
+    rig.run(2.0);
+    let east = json!({
+        "Heading Command Type": 2, "Commanded Course": 1.57, "Commanded Speed": 4.0, "Speed Type": 2,
+    });
+    steer(&mut rig, &mut station, &east);
+    mode(&mut rig, &mut station, 15);
+    let flown = rig.until(20.0, |rig| rig.truth().position.e > 20.0);
+    assert!(flown, "{:?} {:?}", rig.truth(), station.alerts(&rig));
+    let (latitude, longitude) = orders::place(60.0, 20.0);
+    let there = json!({
+        "Altitude Command Type": 1, "Commanded Altitude": 30.0, "Altitude Type": 2,
+        "Loiter Position Latitude": latitude.to_radians(),
+        "Loiter Position Longitude": longitude.to_radians(),
+    });
+    steer(&mut rig, &mut station, &there);
+    mode(&mut rig, &mut station, 12);
+    let reached = rig.until(60.0, |rig| {
+        let at = rig.truth().position;
+        (at.n - 60.0).abs() < 3.0 && (-at.d - 30.0).abs() < 1.5
+    });
+    assert!(reached, "{:?} {:?}", rig.truth(), station.alerts(&rig));
+}
+
 /// What a station keeps sending whether or not a mode uses it.
 fn stands_by() -> Value {
     json!({
