@@ -360,7 +360,7 @@ fn numbers(text: &str) -> Vec<u16> {
     let mut numbers: Vec<u16> = Vec::new();
     let mut to = false;
     for word in words.filter(|word| !word.is_empty()) {
-        match word.parse() {
+        match word.parse::<u16>() {
             Ok(end) if to => {
                 let first = numbers.last().map_or(end, |last| last + 1);
                 numbers.extend(first..=end);
