@@ -147,13 +147,19 @@ pub enum DensifyError {
         /// The smallest possible tolerance, m.
         min_m: f64,
     },
-    /// The curve turns too tightly for chords of the minimum length.
-    #[error("leg {leg} at t = {t:.4}: no chord of {min_chord_m} m keeps {tolerance_m} m")]
+    /// The curve turns too tightly, or climbs too steeply, for chords of the minimum length.
+    #[error(
+        "leg {leg} at t = {t:.4} ({lat:.7}, {lon:.7}): it turns or climbs too sharply for chords of {min_chord_m} m or longer \
+         within {tolerance_m} m: make it wider or less steep there, or allow a larger tolerance or shorter chords",
+        lat = .at.lat_deg, lon = .at.lon_deg
+    )]
     ChordTooShort {
         /// The leg, from 0.
         leg: usize,
         /// The parameter.
         t: f64,
+        /// Where that is.
+        at: Position,
         /// The minimum chord, m.
         min_chord_m: f64,
         /// The tolerance, m.
@@ -204,6 +210,7 @@ pub fn densify(legs: &[Leg], options: &Options) -> Result<Densified, DensifyErro
                     DensifyError::ChordTooShort {
                         leg: index,
                         t,
+                        at: leg.at(t),
                         min_chord_m: options.min_chord_m,
                         tolerance_m: options.tolerance_m,
                     }

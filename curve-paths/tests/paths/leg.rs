@@ -172,6 +172,30 @@ fn a_torn_or_empty_route_is_refused() {
 }
 
 #[test]
+fn a_turn_too_tight_for_the_chords_is_named_with_its_place() {
+    // Half a circle of 2.5 m: one chord is 2.5 m off it, and two chords of 4 m are longer than it.
+    let (south, north, east) = (47.4, 47.400_045, 8.500_044_2);
+    let p1 = Position::new(south, 8.5, 500.0);
+    let (p2, p3) = (Control::level(south, east), Control::level(north, east));
+    let leg = BezierLeg::new(p1, p2, p3, Position::new(north, 8.5, 500.0)).unwrap();
+    let to = Leg::straight(Position::new(south, 8.499, 500.0), p1).unwrap();
+    let error = densify(&[to, leg.into()], &Options::flight(1.0)).unwrap_err();
+    let DensifyError::ChordTooShort {
+        leg: index, t, at, ..
+    } = error
+    else {
+        panic!("{error}");
+    };
+    assert_eq!((index, at), (1, leg.at(t)));
+    let place = format!("({:.7}, {:.7})", at.lat_deg, at.lon_deg);
+    let text = error.to_string();
+    assert!(
+        text.contains(&place) && text.contains("make it wider or less steep"),
+        "{text}"
+    );
+}
+
+#[test]
 fn radians_and_degrees_are_one_place() {
     let g = Ground::from_radians(0.65, 2.2);
     assert!(
