@@ -39,6 +39,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use curve_paths::Position;
+use stanag_msgs::Id;
 
 use crate::fence::{self, Area};
 use crate::route::model::Route;
@@ -442,6 +443,9 @@ pub fn write(file: &Path, draft: &Draft) -> Result<(Vec<u8>, Losses), FormatErro
     let text = match format {
         Format::RouteFile => {
             let route = draft.to_route(&mut losses)?;
+            // What is written can be read again. A mission file may hold a speed that no waypoint can have.
+            let sent = route.messages(Id::NULL, Id::NULL);
+            sent.map_err(|fault| FormatError::file(file, fault))?;
             lost::rally(draft, &mut losses);
             fence::check(file, &draft.areas)?;
             let fence = fence::to_toml(&draft.areas);

@@ -134,6 +134,26 @@ fn the_fence_that_messages_lack_is_sent_from_the_file_that_has_it() {
 }
 
 #[test]
+fn a_speed_that_no_waypoint_can_have_is_not_written() {
+    let files = Files::new();
+    for speed in ["inf", "1e9"] {
+        files.put(
+            "fast.waypoints",
+            &format!(
+                "QGC WPL 110\n0 1 0 16 0 0 0 0 47.4 8.5 500 1\n1 0 3 16 0 0 0 0 47.4 8.501 20 1\n\
+                 2 0 3 178 1 {speed} -1 0 0 0 0 1\n3 0 3 16 0 0 0 0 47.4 8.502 20 1\n"
+            ),
+        );
+        let (status, printed) = files.refused(&["convert", "fast.waypoints", "fast.toml"]);
+        assert!(
+            status == 2 && printed.contains("fast.toml: waypoint 20: speed: "),
+            "{printed}"
+        );
+        assert!(!files.path("fast.toml").exists());
+    }
+}
+
+#[test]
 fn pressure_altitudes_are_not_those_above_sea_level() {
     let files = Files::new();
     let pressure = ROUTE.replace("amsl", "pressure");
