@@ -107,16 +107,21 @@ impl Found<'_> {
         }
         for (number, done) in owner["points"].as_object().into_iter().flatten() {
             let point = number.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
-            let Some(point) = point.and_then(|k| draft.points.get_mut(k)) else {
+            let point = point.and_then(|k| draft.points.get_mut(k));
+            let (Some(point), Some(done)) = (point, done.as_object()) else {
+                draft.losses.add_whole(format!("property points.{number}"));
                 continue;
             };
-            for (key, value) in done.as_object().into_iter().flatten() {
+            for (key, value) in done {
                 let text = value
                     .as_str()
                     .map_or_else(|| value.to_string(), str::to_owned);
-                attributes::set(&mut point.conduct, key, &text).map_err(|problem| {
-                    FormatError::at(self.file, None, format!("points.{number}.{key}"), problem)
-                })?;
+                let field = format!("points.{number}.{key}");
+                let taken = attributes::set(&mut point.conduct, key, &text)
+                    .map_err(|problem| FormatError::at(self.file, None, &field, problem))?;
+                if !taken {
+                    draft.losses.add_whole(format!("property {field}"));
+                }
             }
         }
         self.lines.push(self.file, draft)
@@ -375,6 +380,27 @@ mod tests {
             };
             assert_eq!(vertices.len(), 3, "{ring:?}");
         }
+    }
+
+    #[test]
+    fn what_is_said_of_a_point_that_is_not_there_is_lost_by_name() {
+        let points = json!({
+            "1": { "speed_m_s": "6", "colour": "red" },
+            "3": { "speed_m_s": "6" },
+            "2": 7,
+        });
+        let lines = lines(&[feature(line(), json!({ "points": points }))]).expect("a line");
+        let line = &lines.lines[0];
+        assert_eq!(line.points[0].conduct.speed_m_s, Some(6.0));
+        let lost: Vec<&str> = line.losses.lost.iter().map(|loss| &*loss.what).collect();
+        assert_eq!(
+            lost,
+            [
+                "property points.1.colour",
+                "property points.3",
+                "property points.2"
+            ]
+        );
     }
 
     #[test]

@@ -168,18 +168,20 @@ impl Found<'_> {
             else {
                 continue;
             };
-            let point = number.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
-            let Some(point) = point.and_then(|k| draft.points.get_mut(k)) else {
+            // Others may write what begins alike, such as "point of interest".
+            let Ok(at) = number.parse::<usize>() else {
                 continue;
             };
-            attributes::set(&mut point.conduct, key, value).map_err(|e| {
-                FormatError::at(
-                    self.file,
-                    Some(shape.line),
-                    format!("point {number} {key}"),
-                    e,
-                )
-            })?;
+            let field = format!("point {number} {key}");
+            let point = at.checked_sub(1).and_then(|k| draft.points.get_mut(k));
+            let taken = match point {
+                Some(point) => attributes::set(&mut point.conduct, key, value)
+                    .map_err(|e| FormatError::at(self.file, Some(shape.line), &field, e))?,
+                None => false,
+            };
+            if !taken {
+                draft.losses.add_whole(format!("data \"{field}\""));
+            }
         }
         self.lines.push(self.file, draft)
     }
@@ -432,6 +434,30 @@ const MAX_UNPACKED: u64 = 256 << 20;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_said_of_a_point_that_is_not_there_is_lost_by_name() {
+        let data = [
+            "point 1 speed_m_s",
+            "point 9 speed_m_s",
+            "point 2 colour",
+            "point of view",
+        ]
+        .map(|name| format!("<Data name=\"{name}\"><value>6</value></Data>"))
+        .concat();
+        let text = format!(
+            "<kml><Placemark><ExtendedData>{data}</ExtendedData><LineString><altitudeMode>absolute</altitudeMode>\
+             <coordinates>8.5,47.4,520 8.51,47.4,520</coordinates></LineString></Placemark></kml>"
+        );
+        let lines = read(Path::new("a.kml"), &text).expect("a line");
+        let line = &lines.lines[0];
+        assert_eq!(line.points[0].conduct.speed_m_s, Some(6.0));
+        let lost: Vec<&str> = line.losses.lost.iter().map(|loss| &*loss.what).collect();
+        assert_eq!(
+            lost,
+            ["data \"point 9 speed_m_s\"", "data \"point 2 colour\""]
+        );
+    }
 
     #[test]
     fn a_ring_keeps_its_last_corner_where_it_is_not_the_first() {
