@@ -1,5 +1,6 @@
 //! What of a draft formats do not hold, each in its own words.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use super::draft::Draft;
@@ -90,9 +91,10 @@ pub(super) fn route(draft: &Draft, losses: &mut Losses) {
         let name = further.id.as_deref().unwrap_or("without a name");
         losses.add_whole(format!("route {name} from waypoint {}", further.initial));
     }
+    let reached: HashSet<usize> = draft.points.iter().map(|point| point.item).collect();
     for waypoint in &plan.waypoints {
         let number = usize::from(waypoint.number);
-        if draft.points.iter().all(|point| point.item != number) {
+        if !reached.contains(&number) {
             losses.add(number, "waypoint that the route does not reach");
         }
     }

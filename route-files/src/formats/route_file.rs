@@ -24,6 +24,7 @@
 //! p3 = [47.4004, 8.5010]
 //! ```
 
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use curve_paths::{Control, Position};
@@ -37,6 +38,7 @@ use super::losses::Losses;
 use super::lost;
 use crate::fence::{self, Area, FenceFileError};
 use crate::route::model::{Curve, CurveForm, Loop, Place, Route, Waypoint};
+use crate::route::read::Lines;
 
 /// Where in the text the waypoints and curves stand.
 #[derive(Deserialize)]
@@ -61,21 +63,21 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Draft, FormatError> {
     let plan = Route::parse(file, text)?;
     let places: Places =
         toml::from_str(text).map_err(|e| FormatError::at(file, None, "", e.message()))?;
-    let line = |offset: usize| Some(1 + text[..offset].matches('\n').count() as u64);
-    let line_of = |number: u16| {
-        let place = places
-            .waypoint
-            .iter()
-            .find(|w| *w.number.get_ref() == number);
-        place.and_then(|w| line(w.number.span().start))
-    };
+    let lines = Lines::of(text);
+    let line = |offset: usize| Some(lines.at(offset) as u64);
+    // Looked up by number, since a route may have 65,534 waypoints.
+    let numbers = places.waypoint.iter().map(|w| &w.number);
+    let starts: HashMap<u16, usize> = numbers.map(|n| (*n.get_ref(), n.span().start)).collect();
+    let line_of = |number: u16| starts.get(&number).and_then(|start| line(*start));
     let (order, back) = order(&plan, file, &line_of)?;
     let datum = datum(&plan, file, &line_of)?;
+    let mut curves: HashMap<(u16, u16), &Curve> = HashMap::new();
+    for curve in &plan.curves {
+        // The first of two between the same waypoints.
+        curves.entry((curve.from, curve.to)).or_insert(curve);
+    }
     let point = |w: &Waypoint, to: Option<u16>| {
-        let curve = plan
-            .curves
-            .iter()
-            .find(|c| c.from == w.number && Some(c.to) == to);
+        let curve = to.and_then(|to| curves.get(&(w.number, to)));
         let index = |number| order.iter().position(|w| w.number == number);
         Point {
             curve: curve.map(|c| [control(c.p2), control(c.p3)]),
@@ -103,15 +105,14 @@ pub(super) fn read(file: &Path, text: &str) -> Result<Draft, FormatError> {
     };
     let next = |k: usize| order.get(k + 1).map(|w| w.number).or(back);
     let mut points: Vec<Point> = (0..order.len()).map(|k| point(order[k], next(k))).collect();
+    // A curve that a further route flies is sent as it is.
+    let further = plan.waypoints.iter().filter(|_| !plan.further.is_empty());
+    let legs: HashSet<(u16, u16)> = (order.iter().enumerate())
+        .filter_map(|(k, w)| Some((w.number, next(k)?)))
+        .chain(further.map(|w| (w.number, w.next)))
+        .collect();
     for (k, curve) in plan.curves.iter().enumerate() {
-        let flown = |i: usize| order[i].number == curve.from && next(i) == Some(curve.to);
-        // One that a further route flies is sent as it is.
-        let further = !plan.further.is_empty()
-            && plan
-                .waypoints
-                .iter()
-                .any(|w| (w.number, w.next) == (curve.from, curve.to));
-        if !further && !(0..order.len()).any(flown) {
+        if !legs.contains(&(curve.from, curve.to)) {
             let at = places.curve.get(k).and_then(|c| line(c.from.span().start));
             let problem = format!("no leg leads from {} to {}", curve.from, curve.to);
             return Err(FormatError::at(file, at, "curve", problem));
@@ -169,13 +170,15 @@ fn order<'a>(
     line_of: &dyn Fn(u16) -> Option<u64>,
 ) -> Result<(Vec<&'a Waypoint>, Option<u16>), FormatError> {
     let mut order: Vec<&Waypoint> = Vec::new();
+    let waypoints: HashMap<u16, &Waypoint> = plan.waypoints.iter().map(|w| (w.number, w)).collect();
+    let mut reached = HashSet::new();
     let first = plan.waypoints.first().map_or(0, |w| w.number);
     let mut number = plan.initial.unwrap_or(first);
     while number != 0 {
-        if order.iter().any(|w| w.number == number) {
+        if !reached.insert(number) {
             return Ok((order, Some(number)));
         }
-        let Some(found) = plan.waypoints.iter().find(|w| w.number == number) else {
+        let Some(&found) = waypoints.get(&number) else {
             let from = order.last().map(|w| w.number);
             let field = from.map_or("initial".to_owned(), |n| format!("waypoint {n}: next"));
             let problem = format!("{number}, expected the number of a waypoint, or 0");

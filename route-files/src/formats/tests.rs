@@ -524,6 +524,44 @@ fn a_file_that_was_made_to_cost_time_or_memory_is_read_at_once_or_refused() {
     }
 }
 
+/// What is looked up for each waypoint must not be looked for from the beginning of the file.
+#[test]
+fn a_route_file_of_many_waypoints_and_curves_is_read_at_once() {
+    use std::fmt::Write as _;
+    let mut text = String::from("[defaults]\naltitude = 30.0\naltitude_type = \"agl\"\n");
+    let north = |n: u32| 40.0 + f64::from(n) * 1e-4;
+    for n in 1..=5_000 {
+        let _ = write!(
+            text,
+            "\n[[waypoint]]\nnumber = {n}\nlatitude = {:.6}\nlongitude = 8.5\n",
+            north(n)
+        );
+    }
+    for n in 1..5_000 {
+        let (p2, p3) = (north(n) + 3e-5, north(n) + 6e-5);
+        let _ = write!(
+            text,
+            "\n[[curve]]\nfrom = {n}\nto = {}\np2 = [{p2:.6}, 8.5]\np3 = [{p3:.6}, 8.5]\n",
+            n + 1
+        );
+    }
+    let begun = std::time::Instant::now();
+    let file = Path::new("long.toml");
+    let (route, _) = content_to_send(file, text.clone().into_bytes(), &Import::default()).unwrap();
+    assert_eq!(route.waypoints.len(), 5_000);
+    let draft = read_content(file, text.clone().into_bytes(), &Import::default()).unwrap();
+    assert_eq!(draft.points.len(), 5_000);
+    assert_eq!(draft.points[1].line, Some(11));
+    assert!(
+        draft.points[..4_999]
+            .iter()
+            .all(|point| point.curve.is_some())
+    );
+    write(file, &draft).unwrap();
+    let took = begun.elapsed();
+    assert!(took.as_secs() < 15, "{took:?}");
+}
+
 fn zipped(kml: &str) -> Vec<u8> {
     kml::pack(Path::new("bomb.kmz"), kml).expect("it is packed")
 }

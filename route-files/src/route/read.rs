@@ -83,7 +83,7 @@ impl Route {
     /// # Errors
     /// It is not a route.
     pub fn parse(path: &Path, text: &str) -> Result<Route, RouteFileError> {
-        let at = Source { path, text };
+        let at = Source::new(path, text);
         let file: File = toml::from_str(text).map_err(|fault| at.form(&fault))?;
         let route = at.route(&file)?;
         let whole = route
@@ -103,11 +103,32 @@ impl Route {
 struct Source<'a> {
     path: &'a Path,
     text: &'a str,
+    lines: Lines,
+}
+
+/// Where the lines of a text end, looked up once: to count from the beginning for each waypoint takes minutes for a file of
+/// ten thousand.
+pub(crate) struct Lines(Vec<usize>);
+
+impl Lines {
+    pub(crate) fn of(text: &str) -> Self {
+        Self(text.match_indices('\n').map(|(at, _)| at).collect())
+    }
+
+    /// The line, from 1, of the byte at an offset.
+    pub(crate) fn at(&self, offset: usize) -> usize {
+        1 + self.0.partition_point(|end| *end < offset)
+    }
 }
 
 type Checked<T> = Result<T, RouteFileError>;
 
-impl Source<'_> {
+impl<'a> Source<'a> {
+    fn new(path: &'a Path, text: &'a str) -> Self {
+        let lines = Lines::of(text);
+        Self { path, text, lines }
+    }
+
     fn route(&self, file: &File) -> Checked<Route> {
         let initial = match &file.initial {
             Some(number) => Some(self.number("initial", number)?),
@@ -369,8 +390,7 @@ impl Source<'_> {
     }
 
     fn line(&self, offset: usize) -> usize {
-        let before = self.text.as_bytes().iter().take(offset);
-        before.filter(|byte| **byte == b'\n').count() + 1
+        self.lines.at(offset)
     }
 }
 
