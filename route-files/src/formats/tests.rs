@@ -443,7 +443,7 @@ fn a_place_that_is_none_is_refused_with_its_line_before_it_is_sent() {
         ),
     ] {
         let read = content_to_send(Path::new(name), text.into_bytes(), &Import::default());
-        let fault = read.err().expect(name).to_string();
+        let fault = read.expect_err(name).to_string();
         assert!(fault.starts_with(expected), "{fault}");
     }
 }

@@ -108,7 +108,7 @@ fn a_jump_to_a_leg_without_a_speed_is_flown_at_that_which_it_is_planned_for() {
         let next = (number + 1) % 5;
         Message::from(UaPositionWaypoint {
             waypoint_to_speed: speed_m_s.map(Scaled::saturating_from_si),
-            ..orders::waypoint(number, next, 600.0 * f64::from(number), 0.0, 20.0)
+            ..orders::waypoint(number, next, 900.0 * f64::from(number), 0.0, 20.0)
         })
     });
     let mut rig = Rig::ready();
@@ -123,6 +123,8 @@ fn a_jump_to_a_leg_without_a_speed_is_flown_at_that_which_it_is_planned_for() {
     assert_flown(&mut rig, 5.0);
     for (number, expected_m_s) in [(3, 10.0), (2, 5.0), (4, 10.0), (1, 5.0)] {
         rig.done(to_waypoint(number));
+        // From 5 to 10 m/s it takes this long.
+        rig.run(8.0);
         assert_flown(&mut rig, expected_m_s);
     }
     // A speed that is commanded for a leg ends with the jump too.

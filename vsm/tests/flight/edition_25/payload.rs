@@ -235,7 +235,7 @@ fn a_recorder_is_the_camera_of_its_station_and_reports_once_for_each_request() {
         "{alerts}"
     );
     assert!(
-        alerts.contains("it needs LOI 3 (payload) station 2"),
+        alerts.contains("it needs LOI 3 (payload) of station 2"),
         "{alerts}"
     );
     assert!(records(&rig));

@@ -134,7 +134,7 @@ fn a_jump_keeps_the_present_speed_and_entering_the_mission_repeats_that_of_its_i
     assert_eq!(flight.command(300, &[0.0]), Some(0));
     assert!(flight.until(60.0, |t| t.mission_seq == 1));
     let is_flown = |flight: &mut Flight, expected: f64| {
-        flight.run(12.0);
+        flight.run(18.0);
         let found = flight.vehicle.truth().velocity.horizontal();
         assert!(
             (found - expected).abs() < 0.5,

@@ -345,6 +345,10 @@ fn is_of_a_route(offered: &Plan, stored: &Plan) -> Result<(), (Option<u16>, Stri
     let [first, ..] = changed.as_slice() else {
         return Ok(());
     };
+    // With a 13001 it is that route which has to be whole.
+    if offered.routes() != stored.routes() {
+        return Ok(());
+    }
     let implied = offered.route_of_waypoints();
     let mut routes = offered.routes().iter().chain(&implied);
     let in_a_route = routes.any(|route| {
