@@ -160,6 +160,24 @@ fn verify_unit(root: &Path, name: &str) {
     );
 }
 
+/// With `dli.multicast` or `dli.interface` the bridge lists the addresses of its interfaces, for which libc opens a socket of
+/// AF_NETLINK. The agent joins no group.
+#[test]
+fn the_units_permit_the_families_of_sockets_that_their_programs_open() {
+    let families = |name: &str| -> Vec<String> {
+        let unit = fs::read_to_string(kit::workspace().join("packaging").join(name));
+        let unit = unit.expect("the unit");
+        let mut lines = unit.lines();
+        let found = lines.find_map(|line| line.strip_prefix("RestrictAddressFamilies="));
+        let found = found.expect("RestrictAddressFamilies").split(' ');
+        found.map(str::to_owned).collect()
+    };
+    let agent = ["AF_INET", "AF_INET6", "AF_UNIX"];
+    assert_eq!(families("vsm-airside.service"), agent);
+    let bridge = [&agent[..], &["AF_NETLINK"]].concat();
+    assert_eq!(families("vsm.service"), bridge);
+}
+
 #[test]
 fn the_service_manager_is_notified_ready_and_alive() {
     let ground = Ground::new();
