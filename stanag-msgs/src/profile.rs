@@ -86,9 +86,9 @@ impl Profile {
         let ours = match disputed.choices {
             Choices::OneOf(choices) if !choices.contains(&reading) => return Err(refused()),
             Choices::OneOf(_) => None,
-            Choices::Values(_) => {
-                Some(ValueMap::parse(disputed.default, reading).ok_or_else(refused)?)
-            }
+            Choices::Values(_) => Some(
+                ValueMap::parse(disputed.default, reading, disputed.lowest).ok_or_else(refused)?,
+            ),
         };
         match (name, ours) {
             ("checksum_1", _) => {
@@ -333,7 +333,8 @@ fn expectation(disputed: &Disputed) -> String {
         Choices::OneOf(choices) => choices.join(" or "),
         Choices::Values(meanings) => {
             format!(
-                "different values 0 to 255, as {}, for {}",
+                "different values {} to 255, as {}, for {}",
+                disputed.lowest,
                 disputed.default,
                 meanings.join(", ")
             )
@@ -363,8 +364,8 @@ impl ValueMap {
         pairs: [(0, 0); Self::MAX_PAIRS],
     };
 
-    /// `None` unless `wire` lists as many different values as `ours`.
-    fn parse(ours: &str, wire: &str) -> Option<Self> {
+    /// `None` unless `wire` lists as many different values as `ours`, none of them below `lowest`.
+    fn parse(ours: &str, wire: &str, lowest: u8) -> Option<Self> {
         let read = |text: &str| -> Option<Vec<u8>> {
             text.split(',')
                 .map(|value| value.trim().parse().ok())
@@ -375,7 +376,8 @@ impl ValueMap {
             .iter()
             .enumerate()
             .any(|(index, value)| wire[..index].contains(value));
-        if twice || ours.len() != wire.len() || 2 * ours.len() > Self::MAX_PAIRS {
+        let settled = wire.iter().any(|value| *value < lowest);
+        if twice || settled || ours.len() != wire.len() || 2 * ours.len() > Self::MAX_PAIRS {
             return None;
         }
         // So that a profile with every point set to its default equals the default profile, and is as fast.
@@ -527,6 +529,16 @@ mod tests {
             assert!(
                 refuse("ack_type", reading).contains("different values"),
                 "{reading}"
+            );
+        }
+        // 11 is the mode of waypoints: it must not become a contingency.
+        for reading in ["11,12,13", "22,23,24", "0,40,41"] {
+            assert_eq!(
+                refuse("contingency_modes", reading),
+                format!(
+                    "contingency_modes: found {reading:?}, expected different values 23 to 255, as 23,24,25, for contingency A, \
+                     contingency B, slave to location"
+                )
             );
         }
         for disputed in DISPUTED {

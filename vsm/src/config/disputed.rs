@@ -3,6 +3,7 @@
 
 use std::fmt;
 
+use mapping::mode::{MODES, UNKNOWN_MODE};
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor};
 use stanag_msgs::Profile;
 use stanag_msgs::disputed::DISPUTED;
@@ -81,6 +82,7 @@ impl<'de> Deserialize<'de> for Readings {
                         .profile
                         .set(&name, &reading)
                         .map_err(A::Error::custom)?;
+                    check_modes(&name, &reading).map_err(A::Error::custom)?;
                     readings.set.push((name, reading));
                 }
                 Ok(readings)
@@ -88,6 +90,29 @@ impl<'de> Deserialize<'de> for Readings {
         }
         deserializer.deserialize_map(Table)
     }
+}
+
+/// Refuses numbers of modes under which 3001 and 41002 report modes of PX4: a CUCS would take one for the other.
+fn check_modes(name: &str, reading: &str) -> Result<(), String> {
+    if name != "contingency_modes" {
+        return Ok(());
+    }
+    let values = reading
+        .split(',')
+        .filter_map(|one| one.trim().parse::<u8>().ok());
+    for value in values {
+        let reported = MODES.iter().find(|(_, mode, _)| *mode == value);
+        let meaning = match reported {
+            Some((_, _, px4)) => *px4,
+            None if value == UNKNOWN_MODE => "an unknown mode",
+            None => continue,
+        };
+        return Err(format!(
+            "{name}: found {value}, under which this VSM reports {meaning} (3001), expected numbers from 23 up that it does not \
+             report, such as 26,27,28"
+        ));
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -130,6 +155,31 @@ mod tests {
         let fault = parse("loi = \"m\"").unwrap_err();
         assert!(fault.contains("no such entry"), "{fault}");
         assert!(parse("checksum_1 = 3").is_err());
+        let fault = parse("contingency_modes = \"11,12,13\"").unwrap_err();
+        for part in ["contingency_modes", "11,12,13", "values 23 to 255"] {
+            assert!(fault.contains(part), "{part}: {fault}");
+        }
+        // Modes of PX4 that 3001 reports.
+        for (reading, part) in [
+            (
+                "30,31,32",
+                "found 32, under which this VSM reports AUTO.RTL",
+            ),
+            (
+                "41, 42, 43",
+                "found 42, under which this VSM reports TERMINATION",
+            ),
+            (
+                "255,26,27",
+                "found 255, under which this VSM reports an unknown",
+            ),
+        ] {
+            let fault = parse(&format!("contingency_modes = \"{reading}\"")).unwrap_err();
+            assert!(fault.contains(part), "{fault}");
+        }
+        for reading in ["23,24,25", "26, 27, 28", "41,60,254"] {
+            assert!(parse(&format!("contingency_modes = \"{reading}\"")).is_ok());
+        }
         assert!(parse("ack_type = \"1,1,2\"").is_err());
     }
 }

@@ -397,7 +397,11 @@ fn disputed() -> String {
         let choices = match entry.choices {
             Choices::OneOf(choices) => choices.join(", "),
             Choices::Values(meanings) => {
-                format!("the values of: {}", meanings.join(", "))
+                let meanings = meanings.join(", ");
+                match entry.lowest {
+                    0 => format!("the values of: {meanings}"),
+                    lowest => format!("the values of: {meanings}; from {lowest} up"),
+                }
             }
         };
         let _ = writeln!(
