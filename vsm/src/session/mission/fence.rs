@@ -292,7 +292,9 @@ impl Fence {
     fn uploaded(&mut self, context: &Context<'_>, work: Work, id: u32, effects: &mut Effects<'_>) {
         let requester = work.requester;
         self.loaded = work.areas;
-        self.kept.wanted = !self.loaded.is_empty() || !self.configured.is_empty();
+        // The configuration may have changed since it was sent: what is aboard and no longer configured has yet to be cleared.
+        let aboard = !work.points.is_empty();
+        self.kept.wanted = aboard || !self.configured.is_empty();
         self.kept.uploaded(id);
         // Only after the vehicle has cleared its fence: a failed clearing leaves the areas unchanged.
         if let Some((_, Mode::Clear)) = requester {
@@ -304,7 +306,7 @@ impl Fence {
             let why = format!("the fence is uploaded, but cannot be stored: {fault}");
             return self.end(context, requester, None, why, effects);
         }
-        if self.kept.wanted {
+        if aboard {
             advise_breach(context, effects);
         }
         if let Some((origin, mode)) = requester {

@@ -6,7 +6,7 @@
 use std::time::Duration;
 
 use mapping::rally::{self, RallyPoint};
-use mavlink_link::service::mission::{self, MavMissionType};
+use mavlink_link::service::mission::{self, Item, MavMissionType};
 use mavlink_link::store::{Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 
@@ -22,11 +22,18 @@ use crate::session::store::vehicle_record;
 pub(super) struct Rally {
     points: Vec<RallyPoint>,
     kept: Kept,
-    upload: Option<Upload>,
+    work: Option<Work>,
     /// The record as it is on disk.
     stored: Record,
     /// Since when the vehicle has reported points although the configuration has none.
     strange_since: Option<Duration>,
+}
+
+#[derive(Debug)]
+struct Work {
+    /// What is sent and read back: the points of the configuration may change meanwhile.
+    items: Vec<Item>,
+    upload: Upload,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -43,7 +50,7 @@ impl Rally {
         Rally {
             kept: Kept::new(KIND, !points.is_empty()),
             points,
-            upload: None,
+            work: None,
             stored: Record::default(),
             strange_since: None,
         }
@@ -90,7 +97,7 @@ impl Rally {
 
     /// Whether points are being uploaded.
     pub(super) fn busy(&self) -> bool {
-        self.upload.is_some()
+        self.work.is_some()
     }
 
     /// The id under which the vehicle was read back to hold them.
@@ -100,7 +107,8 @@ impl Rally {
 
     /// When [`Rally::watch`] is next due.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
-        self.kept.poll_timeout(self.upload.as_ref())
+        let upload = self.work.as_ref().map(|work| &work.upload);
+        self.kept.poll_timeout(upload)
     }
 
     /// Handles an event of the mission service. Returns false if it is not about rally points.
@@ -110,11 +118,10 @@ impl Rally {
         event: &mission::Event,
         effects: &mut Effects<'_>,
     ) -> bool {
-        let items = rally::items(&self.points);
-        let Some(upload) = &mut self.upload else {
+        let Some(Work { items, upload }) = &mut self.work else {
             return false;
         };
-        let progress = upload.handle(context.mono(), event, &items, effects.vehicle);
+        let progress = upload.handle(context.mono(), event, items, effects.vehicle);
         self.follow(context, progress, effects);
         true
     }
@@ -126,10 +133,10 @@ impl Rally {
         may_change: bool,
         effects: &mut Effects<'_>,
     ) {
-        if let Some(upload) = &self.upload {
+        if let Some(work) = &self.work {
             // MISSION_CURRENT.mission_state is about the mission alone.
             let named = self.kept.named(context);
-            let progress = upload.check(context.mono(), named, true);
+            let progress = work.upload.check(context.mono(), named, true);
             return self.follow(context, progress, effects);
         }
         let items = rally::items(&self.points);
@@ -142,7 +149,7 @@ impl Rally {
                 }
                 let now = context.mono();
                 match stored.and_then(|()| self.kept.send(now, &items, effects.vehicle)) {
-                    Ok(upload) => self.upload = Some(upload),
+                    Ok(upload) => self.work = Some(Work { items, upload }),
                     Err(why) => self.failed(context, &why, effects),
                 }
             }
@@ -179,21 +186,23 @@ impl Rally {
         match progress {
             Progress::Going | Progress::Percent(_) => {}
             Progress::Done(id) => {
-                self.upload = None;
-                self.kept.wanted = !self.points.is_empty();
+                let sent = self.work.take().map_or(0, |work| work.items.len());
+                // The configuration may have changed since they were sent: what is aboard and no longer configured has yet to
+                // be cleared.
+                self.kept.wanted = sent > 0 || !self.points.is_empty();
                 self.kept.uploaded(id);
                 effects.clear(Cause::Rally, UPLOADED);
                 if let Err(why) = self.store(self.kept.wanted, effects) {
                     effects.advise(format!("rally points: {why}"));
                 }
-                effects.advise(match self.points.len() {
+                effects.advise(match sent {
                     0 => "the rally points are cleared: the vehicle returns to home".to_owned(),
                     1 => "1 rally point is aboard".to_owned(),
                     count => format!("{count} rally points are aboard"),
                 });
             }
             Progress::Failed(fault) => {
-                self.upload = None;
+                self.work = None;
                 self.failed(context, &fault.explain("set of rally points"), effects);
             }
         }

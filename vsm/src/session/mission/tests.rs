@@ -2,6 +2,7 @@
 
 use mapping::altitude::Altimeter;
 use mapping::area::Shape;
+use mapping::rally::{self, Height};
 use mapping::route::{self, Site};
 use mapping::telemetry::{MissionProgress, Place};
 use mavlink_link::dialect::MissionState;
@@ -22,6 +23,7 @@ use crate::session::testing::{CUCS, World, acknowledgements, origin};
 
 const MISSION: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;
 const FENCE: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
+const RALLY: MavMissionType = MavMissionType::MAV_MISSION_TYPE_RALLY;
 const SECOND: Duration = Duration::from_secs(1);
 
 fn handle(world: &mut World, mission: &mut Mission, input: Input<'_>) {
@@ -574,6 +576,72 @@ fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
     handle(&mut world, &mut mission, Input::WatchFence);
     let (_, texts) = reports(&mut world);
     assert!(texts.contains("is not the loaded one"), "{texts}");
+}
+
+#[test]
+fn an_area_that_leaves_the_configuration_during_its_upload_is_cleared() {
+    let mut world = World::new();
+    let circle = Area {
+        keep_in: true,
+        shape: Shape::Circle {
+            centre: (47.0, 8.0),
+            radius_m: 500.0,
+        },
+    };
+    let items: Vec<Item> = mapping::area::fence(std::slice::from_ref(&circle), &[], None)
+        .expect("a fence")
+        .iter()
+        .map(|point| point.item)
+        .collect();
+    let mut mission = Mission::new(Vec::new(), Vec::new());
+    mission.set_areas(vec![circle], world.now.mono);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
+    mission.set_areas(Vec::new(), world.now.mono);
+    let id = transferred(&mut world, &mut mission, FENCE, &items);
+    world.vehicle.telemetry.mission = named(0, id);
+    // The upload is finished, then the change is due.
+    handle(&mut world, &mut mission, Input::WatchFence);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    let cleared = Event::Cleared { kind: FENCE };
+    ended(&mut world, &mut mission, Operation::Clear, cleared);
+    world.vehicle.telemetry.mission = named(0, 0);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert_eq!(world.services.missions.busy(), None);
+    assert_eq!(mission.poll_timeout(), None);
+}
+
+#[test]
+fn rally_points_that_change_during_their_upload_are_replaced_and_cleared() {
+    let mut world = World::new();
+    let at = |latitude: f64| {
+        let height = Height::AboveHome(0.0);
+        let place = (latitude, 8.0);
+        vec![RallyPoint { place, height }]
+    };
+    let mut mission = Mission::new(Vec::new(), Vec::new());
+    mission.set_rally(at(47.001), world.now.mono);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    for (sent, next) in [(at(47.001), at(47.002)), (at(47.002), Vec::new())] {
+        assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
+        mission.set_rally(next, world.now.mono);
+        // What is read back is compared with what was sent, not with what is configured by now.
+        let items = rally::items(&sent);
+        let id = transferred(&mut world, &mut mission, RALLY, &items);
+        world.vehicle.telemetry.mission = named(0, 0).map(|shown| MissionProgress {
+            rally_points_id: id,
+            ..shown
+        });
+        // The upload is finished, then the change is due.
+        handle(&mut world, &mut mission, Input::WatchFence);
+        handle(&mut world, &mut mission, Input::WatchFence);
+    }
+    let cleared = Event::Cleared { kind: RALLY };
+    ended(&mut world, &mut mission, Operation::Clear, cleared);
+    world.vehicle.telemetry.mission = named(0, 0);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert_eq!(world.services.missions.busy(), None);
+    assert_eq!(mission.poll_timeout(), None);
 }
 
 #[test]
