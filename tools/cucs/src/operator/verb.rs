@@ -7,7 +7,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AltitudeType, FlightPathControlMode, LoiBitmap, StationBitmap1To16};
 
-use super::argument::{Expected, altitude_type, degrees};
+use super::argument::{Expected, altitude_type, degrees, speed};
 use super::payload::PayloadArguments;
 use super::until::Until;
 use crate::formats::{Import, Output};
@@ -92,7 +92,7 @@ pub enum Verb {
         #[arg(long, value_name = "WAYPOINT")]
         from: Option<u16>,
         /// Speed over ground, m/s.
-        #[arg(long, allow_negative_numbers = true)]
+        #[arg(long, allow_negative_numbers = true, value_parser = speed)]
         speed: Option<f64>,
     },
     /// Loiter, here or at a position (mode 12).
@@ -107,12 +107,13 @@ pub enum Verb {
         #[arg(long, default_value = "agl", value_name = "TYPE", value_parser = altitude_type)]
         altitude_type: AltitudeType,
         /// Speed over ground, m/s.
-        #[arg(long, allow_negative_numbers = true)]
+        #[arg(long, allow_negative_numbers = true, value_parser = speed)]
         speed: Option<f64>,
     },
     /// Change the speed over ground in the present mode.
     Speed {
         /// Speed over ground, m/s.
+        #[arg(allow_negative_numbers = true, value_parser = speed)]
         metres_per_second: f64,
     },
     /// Land here (mode 19).
@@ -357,7 +358,7 @@ pub struct ModeArguments {
     #[arg(long, default_value = "agl", value_name = "TYPE", value_parser = altitude_type)]
     pub altitude_type: AltitudeType,
     /// Speed over ground, m/s.
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long, allow_negative_numbers = true, value_parser = speed)]
     pub speed: Option<f64>,
     /// Waypoint to fly to (Commanded Waypoint Number).
     #[arg(long)]

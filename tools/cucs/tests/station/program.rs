@@ -113,6 +113,36 @@ fn wrong_arguments_are_status_2() {
     assert_eq!(result(&cucs("nowhere", &["discover"])).0, Some(2));
 }
 
+/// A Commanded Speed of 0 commands none: "0 m/s commanded" would be printed while the vehicle flies on.
+#[test]
+fn a_speed_that_is_rounded_to_0_is_status_2_with_option_and_value() {
+    let commands: [(&[&str], &str); 5] = [
+        (&["speed"], "METRES_PER_SECOND"),
+        (&["fly", "--speed"], "--speed"),
+        (&["loiter", "--speed"], "--speed"),
+        (&["mode", "loiter", "--speed"], "--speed"),
+        (
+            &["hold", "1", "--until", "waypoint=3", "loiter", "--speed"],
+            "--speed",
+        ),
+    ];
+    for (command, option) in commands {
+        for value in ["0", "-0", "0.2", "-5", "nan", "40000"] {
+            let arguments = [command, &[value]].concat();
+            let (status, out, error) = result(&cucs("127.0.0.1:9", &arguments));
+            assert_eq!(status, Some(2), "{arguments:?}: {error}");
+            for part in [
+                option,
+                &format!("'{value}'"),
+                "expected 0.25 to 32767.5 m/s",
+            ] {
+                assert!(error.contains(part), "{arguments:?}: {part}: {error}");
+            }
+            assert!(out.is_empty(), "{out}");
+        }
+    }
+}
+
 #[test]
 fn each_subcommand_may_be_a_process_of_its_own() {
     with_vsm(FakeVsm::new(), |vsm| {
