@@ -26,8 +26,8 @@ table! {
         /// Where the ground station is: `udpout:HOST:PORT`, `udpin:ADDRESS:PORT`, `tcpout:HOST:PORT`, `tcpin:ADDRESS:PORT` or
         /// `serial:DEVICE:BAUD`. Without `key_file` a `udpin` or `tcpin` is on a loopback address only: it would send to whoever asks
         pub link: ForwardLink => Required,
-        /// Identification numbers of the vehicles whose frames are passed on
-        #[serde(default, deserialize_with = "ids")]
+        /// Identification numbers of the vehicles whose frames are passed on, at least one
+        #[serde(default, deserialize_with = "some_ids")]
         pub vehicles: Vec<Id> => Nothing("all"),
         /// Key of this ground station and no other: what it is sent is signed with it, and only what is signed with it is taken
         pub key_file: Option<PathBuf> => Nothing("none: nothing is signed, nothing is taken"),
@@ -54,6 +54,16 @@ table! {
         #[serde(default)]
         pub link_id: u8 => Value("0"),
     }
+}
+
+/// An empty list would read as none, and a list that is left out means all.
+fn some_ids<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Id>, D::Error> {
+    let ids = ids(deserializer)?;
+    if ids.is_empty() {
+        let expected = "the ids of [[vehicle]]s of this file; without the key, all";
+        return Err(de::Error::invalid_length(0, &expected));
+    }
+    Ok(ids)
 }
 
 fn ground_station() -> u8 {

@@ -340,6 +340,10 @@ fn another_ground_station_is_refused_where_it_would_be_open() {
             "1b:00:01:09",
         ),
         (
+            "name = \"a\"\nlink = \"udpout:h:1\"\nvehicles = []\n",
+            "forward.vehicles is [], expected the ids of [[vehicle]]s of this file; without the key, all",
+        ),
+        (
             "name = \"a\"\nlink = \"udpout:h:1\"\ncommands = 1\n",
             "true, false, or a table",
         ),
