@@ -180,7 +180,12 @@ fn sign(file: &Path, key: &Path, version: Option<u64>) -> Result<(), Failure> {
             return Err(failed(why));
         }
         Some(version) => version,
-        None => before + 1,
+        None => before.checked_add(1).ok_or_else(|| {
+            failed(anyhow!(
+                "{} is version {before}, the last that there is: make a new list, and another key (`vsm keygen`) where a VSM has this version in force",
+                file.display()
+            ))
+        })?,
     };
     let text = list.signed(version, &key);
     write(file, &text)?;

@@ -486,6 +486,14 @@ const GROUND: &[&[(&str, Ends)]] = &[
             "access sign access.list --key-file another.key --version 1",
             Refused("expected more than 1"),
         ),
+        (
+            "access sign access.list --key-file another.key --version 18446744073709551615",
+            Done,
+        ),
+        (
+            "access sign access.list --key-file another.key",
+            Refused("the last that there is: make a new list"),
+        ),
         ("access list access.list --key-file another.key", Done),
         (
             "access list access.list --key-file guard.key",
