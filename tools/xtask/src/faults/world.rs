@@ -258,7 +258,7 @@ impl Computers {
             .collect();
         let host = Host::Member(member);
         let mut command = self.network.command(host, OsStr::new("etcd"));
-        // Without it a member that was cut off and is back has the others elect a leader anew, which for seconds answers nobody.
+        // Without it a member that was cut off and is back has the others elect a leader again, and for seconds none answers.
         command.arg("--pre-vote");
         command
             .arg("--data-dir")

@@ -2,8 +2,8 @@
 //! with interrupts.
 //!
 //! From [`DENSE`] frames a second on, the thread stands still for [`PAUSE`] before it waits for its sockets, so that one
-//! wake-up serves all that has arrived meanwhile. It adds that time to what arrives: a tenth of what the network of a
-//! fleet that sends so many adds by itself. One vehicle never sends so many; its commands and its telemetry wait for nothing.
+//! wake-up serves all that has arrived meanwhile. It adds that time to whatever arrives then, commands of stations too. One vehicle never
+//! sends so many; its commands and its telemetry wait for nothing.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -55,9 +55,9 @@ impl Rate {
     }
 }
 
-/// Datagrams a second: each hundred of them would be a thread that is woken every 25 us on average.
+/// Datagrams a second: the thread would be woken every 250 us, little less often than it pauses.
 const DENSE: f64 = 4_000.0;
-/// Far below what a command may wait (20 ms), and at 100,000 frames/s a tenth of what a socket holds.
+/// Far below what a command may wait (20 ms); at 100,000 frames/s some 20 wait in the socket meanwhile.
 const PAUSE: Duration = Duration::from_micros(200);
 const MEASURED_OVER: Duration = Duration::from_millis(10);
 
