@@ -56,7 +56,7 @@ pub struct AirsideStatus {
 pub struct SideStatus {
     /// The address of the other end.
     pub peer: Option<String>,
-    /// Its state: "waiting", "live", "unanswered", "behind" or "ahead", as for the bridge's link.
+    /// Its state: "waiting", "live", "silent", "unanswered", "behind" or "ahead", as for the bridge's link.
     pub state: &'static str,
     /// The age of the newest frame of ours that a verified frame from there has answered, or of the first one if none has
     /// been answered, s.

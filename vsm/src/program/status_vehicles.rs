@@ -79,9 +79,14 @@ pub(super) fn line(vehicle: &Value) -> String {
 }
 
 fn heading(vehicle: &Value) -> String {
-    let live = if is_live(vehicle) { "live" } else { "SILENT" };
+    // Of a silent vehicle the mode is the last that it reported.
+    let live = if is_live(vehicle) {
+        "live, mode"
+    } else {
+        "SILENT, last mode"
+    };
     format!(
-        "vehicle {} {live}, mode {}, controlled by {}",
+        "vehicle {} {live} {}, controlled by {}",
         plain(&vehicle["id"]),
         vehicle["mode"].as_str().unwrap_or("unknown"),
         vehicle["controller"].as_str().unwrap_or("nobody")
@@ -111,8 +116,13 @@ pub(super) fn whole(vehicle: &Value) -> String {
     if vehicle["altitude_band"]["outside"] == true {
         let limit = |key| vehicle["altitude_band"][key].as_f64().unwrap_or(f64::NAN);
         let (lowest_m, highest_m) = (limit("lowest_m"), limit("highest_m"));
+        let when = if is_live(vehicle) {
+            ""
+        } else {
+            " when last received"
+        };
         text += &format!(
-            "  OUTSIDE ITS ALTITUDE BAND of {lowest_m:.0} to {highest_m:.0} m above home\n"
+            "  OUTSIDE ITS ALTITUDE BAND of {lowest_m:.0} to {highest_m:.0} m above home{when}\n"
         );
     }
     if let Some(count) = vehicle["rally_points"]["count"].as_u64() {
@@ -124,13 +134,10 @@ pub(super) fn whole(vehicle: &Value) -> String {
     }
     let link = &vehicle["link"];
     let signed = signing(link);
-    let since = link["live_s"]
-        .as_f64()
-        .map_or(String::new(), |s| format!(" for {s:.0} s"));
-    let state = link["state"].as_str().unwrap_or("?");
+    let state = state(link);
     let peer = link["peer"].as_str().unwrap_or("no data received yet");
     let address = plain(&link["address"]);
-    text += &format!("  {address} {signed}, {state}{since}, peer {peer}\n");
+    text += &format!("  {address} {signed}, {state}, peer {peer}\n");
     if let Some(age) = link["unanswered_s"].as_f64().filter(|age| *age > 5.0) {
         text +=
             &format!("  NO VERIFIED ANSWER to a frame of ours for {age:.0} s: commands are lost\n");
@@ -147,6 +154,20 @@ pub(super) fn whole(vehicle: &Value) -> String {
     text += &counts("  refused in the vehicle's name: ", &link["refused"]);
     text += &counts("  frames: ", &link["frames"]);
     text
+}
+
+/// The state of a link, and for how long it has been live or silent.
+fn state(link: &Value) -> String {
+    let state = plain(&link["state"]);
+    let (key, detail) = match state {
+        "live" => ("live_s", ""),
+        "silent" => ("accepted_s", ": no frame accepted"),
+        _ => return state.to_owned(),
+    };
+    match link[key].as_f64() {
+        Some(span_s) => format!("{state}{detail} for {span_s:.0} s"),
+        None => state.to_owned(),
+    }
 }
 
 /// Whether frames are signed: what was verified, not what is configured.
@@ -305,5 +326,35 @@ mod tests {
         assert!(!are_many(&status));
         assert!(line(&vehicles[3]).ends_with("controlled by nobody, NOT SIGNED\n"));
         assert!(line(&vehicles[0]).ends_with("controlled by nobody\n"));
+    }
+
+    #[test]
+    fn a_silent_vehicle_is_described_by_its_silence_also_without_signing() {
+        let mut one = vehicle(7, true, Some(false), Some("not verified"));
+        one["mode"] = "AUTO.MISSION".into();
+        one["altitude_band"] = json!({ "outside": true, "lowest_m": 2.0, "highest_m": 120.0 });
+        one["link"]["state"] = "live".into();
+        one["link"]["live_s"] = 60.0.into();
+        let live = whole(&one);
+        for part in [
+            " live, mode AUTO.MISSION",
+            ", live for 60 s, peer",
+            "120 m above home\n",
+        ] {
+            assert!(live.contains(part), "{part}: {live}");
+        }
+        one["live"] = false.into();
+        let link = &mut one["link"];
+        (link["state"], link["live_s"]) = ("silent".into(), Value::Null);
+        link["accepted_s"] = 12.0.into();
+        let silent = whole(&one);
+        for part in [
+            " SILENT, last mode AUTO.MISSION",
+            ", silent: no frame accepted for 12 s, peer",
+            "above home when last received\n",
+        ] {
+            assert!(silent.contains(part), "{part}: {silent}");
+        }
+        assert!(!silent.contains("live"), "{silent}");
     }
 }

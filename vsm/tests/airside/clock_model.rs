@@ -301,7 +301,7 @@ impl World {
         let near = |stamp: Stamp| (stamp.get() as i64 - real).div_euclid(180_000_000);
         let clock = self.ground.key.clock();
         let air = self.agent.status(String::new(), self.elapsed);
-        let states = ["waiting", "live", "unanswered", "behind", "ahead"];
+        let states = ["waiting", "live", "silent", "unanswered", "behind", "ahead"];
         let named = |name: &str| states.iter().position(|state| *state == name).unwrap() as i64;
         let mut digest = vec![
             self.wrong[0] as i64,

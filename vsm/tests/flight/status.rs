@@ -274,6 +274,12 @@ fn subsystems_are_well_until_the_vehicle_is_silent() {
         Some(AckType::Refused),
         "a stale value is not reported"
     );
+    let bridge = rig.bridge.as_ref().expect("it runs");
+    let status = bridge.status(String::new(), rig.now().mono);
+    let link = &status.vehicles[0].link;
+    assert_eq!((link.state, link.live_s), ("silent", None));
+    assert_eq!((link.round_trip_s, link.lost), (None, None));
+    assert!(!link.clock_known && link.accepted_s > Some(4.0), "{link:?}");
 }
 
 #[test]

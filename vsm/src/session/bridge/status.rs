@@ -24,6 +24,7 @@ use crate::session::forward::ForwardStatus;
 use crate::session::guard::GuardStatus;
 use crate::session::link::encryption_status::EncryptionStatus;
 use crate::session::link::key_agreement::ExchangeStatus;
+use crate::session::link::state::SILENCE;
 use crate::session::payload;
 use crate::session::vehicle_pattern::VehiclePattern;
 use crate::session::web::WebStatus;
@@ -128,7 +129,7 @@ pub struct VehicleStatus {
     pub id: String,
     /// Tail Number.
     pub tail_number: String,
-    /// Whether its data are recent.
+    /// Whether its data are recent. What the vehicle reports of itself (mode, position, ..) is otherwise the last that was received.
     pub live: bool,
     /// PX4's name of its mode.
     pub mode: Option<&'static str>,
@@ -351,20 +352,23 @@ pub struct LinkStatus {
     pub arrives: Option<&'static str>,
     /// Frames that verified but have timestamps from before a restart of the vehicle, until our heartbeat has raised them.
     pub stale_at_start: u64,
-    /// Its state: "waiting" (nothing accepted yet), "live", "unanswered" (accepted, but for over 5 s nothing has shown that
-    /// the vehicle receives us), "behind" (verified, but its stamps have fallen back), "ahead" (verified, but stamped over
-    /// an hour ahead) or "settling" (it is being determined which of two keys the vehicle has).
+    /// Its state: "waiting" (nothing accepted yet), "live", "silent" (accepted, but nothing for over 4 s), "unanswered" (accepted,
+    /// but for over 5 s nothing has shown that the vehicle receives us), "behind" (verified, but its stamps have fallen back),
+    /// "ahead" (verified, but stamped over an hour ahead) or "settling" (it is being determined which of two keys the vehicle has).
     pub state: &'static str,
-    /// Since when it has been live, s.
+    /// Time since a frame was last accepted, signed or not, s; `None` if none has been.
+    pub accepted_s: Option<f64>,
+    /// For how long frames have been accepted without interruption, s; `None` if none is accepted now.
     pub live_s: Option<f64>,
     /// The age of our newest frame that a verified frame of the vehicle has answered, or of the first one if none has been
     /// answered, s; `None` on an unsigned link.
     pub unanswered_s: Option<f64>,
     /// Frames that verified under the key but were refused, by reason.
     pub refused_though_verified: BTreeMap<&'static str, u64>,
-    /// The shortest recent round trip, s (TIMESYNC); `None` if the vehicle does not answer.
+    /// The shortest recent round trip, s (TIMESYNC); `None` if the vehicle does not answer, or is not `live`.
     pub round_trip_s: Option<f64>,
-    /// The part of the vehicle's recent frames that did not arrive, 0 to 1, by gaps in their numbers.
+    /// The part of the vehicle's recent frames that did not arrive, 0 to 1, by gaps in their numbers; `None` if none is accepted
+    /// now.
     pub lost: Option<f64>,
     /// Whether measurements of the vehicle are dated by its own clock; otherwise by their arrival.
     pub clock_known: bool,
@@ -387,10 +391,15 @@ pub struct LinkStatus {
 }
 
 impl LinkStatus {
-    /// For a recording: signatures are not recorded, nor is anything else about the link.
-    pub(crate) fn recorded(live: bool) -> LinkStatus {
+    /// For a recording, by how long ago the vehicle reported its mode: signatures are not recorded, nor is anything else about the
+    /// link.
+    pub(crate) fn recorded(age: Option<Duration>) -> LinkStatus {
         LinkStatus {
-            state: if live { "live" } else { "waiting" },
+            state: match age {
+                None => "waiting",
+                Some(age) if age < SILENCE => "live",
+                Some(_) => "silent",
+            },
             ..LinkStatus::default()
         }
     }
@@ -470,12 +479,14 @@ impl Bridge {
                     state: link.link_state_name(now),
                     unanswered_s: link.last_answer(now).map(|age| age.as_secs_f64()),
                     refused_though_verified: link.refused_though_verified(now),
-                    live_s: link
-                        .live_since
-                        .map(|at| now.saturating_sub(at).as_secs_f64()),
-                    round_trip_s: aircraft.clock().round_trip().map(|trip| trip.as_secs_f64()),
-                    lost: link.lost(),
-                    clock_known: aircraft.clock().offset().is_some(),
+                    accepted_s: link.accepted_for(now).map(|age| age.as_secs_f64()),
+                    live_s: link.live_for(now).map(|age| age.as_secs_f64()),
+                    // Measured while it was received: it may have moved away, or restarted, since.
+                    round_trip_s: (aircraft.clock().round_trip())
+                        .filter(|_| aircraft.vehicle.live())
+                        .map(|trip| trip.as_secs_f64()),
+                    lost: link.lost(now),
+                    clock_known: aircraft.vehicle.live() && aircraft.clock().offset().is_some(),
                     exchange: None,
                     encryption: None,
                     refused: link.refused_frames(now),
@@ -705,7 +716,7 @@ mod tests {
             link: LinkStatus {
                 signed: true,
                 arrives: Some("verified"),
-                ..LinkStatus::recorded(true)
+                ..LinkStatus::recorded(Some(Duration::ZERO))
             },
         }
     }

@@ -10,7 +10,7 @@ use super::key_recovery::KeyChange;
 use super::measured::Measured;
 use super::services::Services;
 use super::state::VehicleState;
-use super::{Fresh, VehicleLink, auth};
+use super::{Fresh, VehicleLink, auth, is_silent};
 use crate::session::effects::Effects;
 
 impl VehicleLink {
@@ -38,6 +38,7 @@ impl VehicleLink {
             self.flush(vehicle, effects);
             return;
         }
+        let was_silent = is_silent(&self.link, now.mono);
         // The link is borrowed while it delivers frames, so they are handled afterwards.
         let mut accepted = std::mem::take(&mut self.accepted);
         let (asked, components) = (self.asked, &self.asked_components);
@@ -79,10 +80,13 @@ impl VehicleLink {
             self.handle_message(node, &message, fresh, vehicle, effects);
         }
         self.accepted = accepted;
-        if let (Some(key), Some(at)) = (&self.key, self.link.accepted_at())
-            && at == now.mono
-        {
-            self.verified = Some((at, key.id()));
+        if self.link.accepted_at() == Some(now.mono) {
+            if was_silent {
+                self.live_since = Some(now.mono);
+            }
+            if let Some(key) = &self.key {
+                self.verified = Some((now.mono, key.id()));
+            }
         }
         self.collect(vehicle, effects);
         self.flush(vehicle, effects);

@@ -80,8 +80,8 @@ pub(crate) struct VehicleLink {
     pub(super) commanders: Vec<u8>,
     /// The vehicle's signing link id as it is stored.
     stored_link_id: Option<u8>,
-    /// Since when frames have been accepted without interruption.
-    pub(super) live_since: Option<Duration>,
+    /// Since when frames have been accepted without interruption, or were until the link fell silent.
+    live_since: Option<Duration>,
     /// When a frame last verified and was accepted, and under which key.
     verified: Option<(Duration, KeyId)>,
     /// Frames and bytes that arrived but were not accepted.
@@ -491,12 +491,29 @@ impl VehicleLink {
         if self.key_recovery.is_open() {
             return "settling";
         }
+        // Frames that are refused show that the vehicle is there only while they arrive.
+        let refused = matches!(self.link.state(), LinkState::Behind | LinkState::Ahead);
+        if refused && self.arrives(mono).is_none() {
+            return "silent";
+        }
         link_state_name(&self.link, mono)
     }
 
-    /// The fraction of its frames that did not arrive.
-    pub(crate) fn lost(&self) -> Option<f64> {
-        self.loss.part()
+    /// How long frames have been accepted without interruption; `None` if none is accepted now.
+    pub(crate) fn live_for(&self, mono: Duration) -> Option<Duration> {
+        let since = self.live_since.filter(|_| !is_silent(&self.link, mono))?;
+        Some(mono.saturating_sub(since))
+    }
+
+    /// How long ago a frame was last accepted.
+    pub(crate) fn accepted_for(&self, mono: Duration) -> Option<Duration> {
+        let at = self.link.accepted_at()?;
+        Some(mono.saturating_sub(at))
+    }
+
+    /// The fraction of its frames that did not arrive; `None` of a silent link, whose measurement is of the time before.
+    pub(crate) fn lost(&self, mono: Duration) -> Option<f64> {
+        (self.loss.part()).filter(|_| !is_silent(&self.link, mono))
     }
 
     /// Its state as a data link of the DLI.
@@ -659,11 +676,18 @@ const WALL_REPORTED_EVERY: Duration = Duration::from_secs(10);
 pub(crate) fn link_state_name(link: &Link<Peer>, mono: Duration) -> &'static str {
     match link.state() {
         LinkState::Waiting => "waiting",
+        LinkState::Live if is_silent(link, mono) => "silent",
         LinkState::Live if is_unanswered(link, mono) => "unanswered",
         LinkState::Live => "live",
         LinkState::Behind => "behind",
         LinkState::Ahead => "ahead",
     }
+}
+
+/// Whether frames were accepted, and none is now. The state of the link itself stays live: only other frames end it, and a vehicle
+/// that flew out of range sends none.
+fn is_silent(link: &Link<Peer>, mono: Duration) -> bool {
+    (link.accepted_at()).is_some_and(|at| mono.saturating_sub(at) > FRESH)
 }
 
 /// Whether the other end has not confirmed for too long that it receives us.

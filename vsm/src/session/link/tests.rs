@@ -95,6 +95,45 @@ fn a_vehicle_is_live_from_its_heartbeat_until_it_is_silent() {
 }
 
 #[test]
+fn an_unsigned_link_is_silent_once_nothing_is_accepted_and_live_from_the_next_frame() {
+    let (mut world, mut link) = start();
+    let state = |world: &World, link: &VehicleLink| {
+        let mono = world.now.mono;
+        (link.link_state_name(mono), link.live_for(mono))
+    };
+    assert_eq!(state(&world, &link), ("waiting", None));
+    for _ in 0..30 {
+        receive(&mut world, &mut link, VEHICLE, &heartbeat(1));
+    }
+    assert_eq!(state(&world, &link), ("live", Some(Duration::ZERO)));
+    wait(&mut world, &mut link, FRESH);
+    assert_eq!(state(&world, &link), ("live", Some(FRESH)));
+    assert_eq!(link.lost(world.now.mono), Some(0.0));
+    wait(&mut world, &mut link, Duration::from_secs(8));
+    assert_eq!(state(&world, &link), ("silent", None));
+    let silent = FRESH + Duration::from_secs(8);
+    assert_eq!(link.accepted_for(world.now.mono), Some(silent));
+    assert_eq!(link.lost(world.now.mono), None);
+    receive(&mut world, &mut link, VEHICLE, &heartbeat(1));
+    assert_eq!(state(&world, &link), ("live", Some(Duration::ZERO)));
+}
+
+#[test]
+fn a_link_whose_stale_frames_no_longer_arrive_is_silent_and_not_behind() {
+    let mut world = World::new();
+    let build = world.now.wall - Duration::from_secs(30 * 86_400);
+    let mut link = start_signed(&mut world, build);
+    for stamp in 1..=3 {
+        let stale = signed_heartbeat(&key(1), Stamp::new(stamp));
+        deliver(&mut world, &mut link, &stale);
+    }
+    wait(&mut world, &mut link, Duration::from_millis(1));
+    assert_eq!(link.link_state_name(world.now.mono), "behind");
+    wait(&mut world, &mut link, FRESH + Duration::from_millis(1));
+    assert_eq!(link.link_state_name(world.now.mono), "silent");
+}
+
+#[test]
 fn another_system_is_not_believed() {
     let (mut world, mut link) = start();
     let events = receive(&mut world, &mut link, VEHICLE + 1, &heartbeat(1));
@@ -215,7 +254,7 @@ fn heartbeats_go_out_under_the_next_key_too_while_nothing_answers_under_the_one_
         last = stamp.or(last);
     }
     assert!((5..=8).contains(&under_next), "{under_next}");
-    assert_eq!(link.link_state_name(world.now.mono), "unanswered");
+    assert_eq!(link.link_state_name(world.now.mono), "silent");
     // Its answer is the proof.
     let answer = signed_heartbeat(&key(2), last.unwrap().next().unwrap());
     deliver(&mut world, &mut link, &answer);

@@ -152,7 +152,7 @@ impl Timeline {
                 outside: false,
             },
             rally_points: None,
-            link: LinkStatus::recorded(live),
+            link: LinkStatus::recorded(age),
         }
     }
 

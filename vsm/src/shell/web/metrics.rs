@@ -4,7 +4,8 @@ use std::fmt::{Display, Write as _};
 
 use crate::session::{Status, VehicleStatus};
 
-/// All of them. What a vehicle does not report has no sample: an absent battery is not an empty one.
+/// All of them. What a vehicle does not report has no sample: an absent battery is not an empty one, and that of a silent vehicle is
+/// not what it was.
 #[must_use]
 pub(super) fn text(status: &Status) -> String {
     let mut all = Text::default();
@@ -65,12 +66,15 @@ pub(super) fn text(status: &Status) -> String {
     all.gauge(
         status,
         "vehicle_armed",
-        "1 where the vehicle reports that it is armed.",
-        |one| one.armed.map(|armed| f64::from(u8::from(armed))),
+        "1 where the vehicle reports that it is armed; none of a silent vehicle.",
+        |one| (one.armed.filter(|_| one.live)).map(|armed| f64::from(u8::from(armed))),
     );
-    all.gauge(status, "vehicle_battery_percent", "Energy left.", |one| {
-        one.battery_percent.map(f64::from)
-    });
+    all.gauge(
+        status,
+        "vehicle_battery_percent",
+        "Energy left; none of a silent vehicle.",
+        |one| one.battery_percent.filter(|_| one.live).map(f64::from),
+    );
     all.gauge(
         status,
         "vehicle_controlled",
