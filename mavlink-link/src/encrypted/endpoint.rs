@@ -111,6 +111,8 @@ pub struct EncryptedLink<A> {
     pending_to: Option<A>,
     flush_at: Option<Duration>,
     seq: u8,
+    /// When something was last sent under the keys in use, or these began.
+    sent_at: Duration,
     good_at: Option<Duration>,
     /// Since when nothing has verified, or the keys are new.
     quiet_since: Option<Duration>,
@@ -187,6 +189,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             pending_to: None,
             flush_at: None,
             seq: 0,
+            sent_at: Duration::ZERO,
             good_at: None,
             quiet_since: None,
             silence: Silence::default(),
@@ -507,8 +510,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         if self.pending_to.is_some_and(|pending| pending != to) {
             self.flush();
         }
-        // An air end that can open nothing is silent: a ground that received it would take no request for other keys.
-        let mute = self.needs_keys() && self.keying.is_air();
+        let mute = self.is_mute();
         let session = self.current.as_mut().ok_or(Dropped::UnsentNoKey)?;
         if mute || !session.sealer.has_room_for(frame.len()) {
             return Err(Dropped::UnsentNoKey);
@@ -524,7 +526,39 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         } else if self.pending_to.is_some() {
             self.flush_at.get_or_insert(now.saturating_add(self.linger));
         }
+        self.sent_at = now;
         Ok(())
+    }
+
+    /// An air end that can open nothing is silent: a ground that received it would take no request for other keys.
+    fn is_mute(&self) -> bool {
+        self.needs_keys() && self.keying.is_air()
+    }
+
+    /// When a packet without a frame is due, and where it goes. Before a signing key is in force neither end may have anything to
+    /// say for minutes: without such packets that would look like an end that has lost its keys.
+    fn idle_at(&self) -> Option<(Duration, A)> {
+        let session = self.current.as_ref()?;
+        let to = self.fixed.or(self.proven.get())?;
+        let pause = if self.keying.is_air() {
+            AIR_IDLE
+        } else {
+            GROUND_IDLE
+        };
+        let may_send = !self.is_mute() && session.sealer.has_room_for(0);
+        may_send.then(|| (self.sent_at.saturating_add(pause), to))
+    }
+
+    fn send_idle(&mut self, now: Duration) {
+        let Some((_, to)) = self.idle_at().filter(|(at, _)| now >= *at) else {
+            return;
+        };
+        let session = self.current.as_mut();
+        if let Some(packet) = session.and_then(|session| session.sealer.seal()) {
+            self.sent_at = now;
+            self.stats.sealed += 1;
+            self.out.push_back(Queued::new(to, &packet));
+        }
     }
 
     fn flush(&mut self) {
@@ -587,6 +621,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             self.flush();
         }
         self.adopt(now, false, disk);
+        self.send_idle(now);
         if self.out.is_empty() && self.is_reachable() {
             let hint = |keying: &mut Keying<A>| keying.poll_hint(now).map(|hint| (None, hint));
             let message = self.keying.poll_transmit(now, disk);
@@ -672,8 +707,9 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         // What waits was put together for the keys before, and leaves under them.
         self.flush();
         let epoch = session.epoch;
-        self.quiet_since = Some(now);
-        self.silence = Silence::default();
+        // The pauses of the silence stay as they are: keys under which nothing is received either must not be replaced sooner than
+        // those before. A packet ends them.
+        (self.quiet_since, self.sent_at) = (Some(now), now);
         let before = self.current.replace(session);
         self.previous = before.filter(|_| !proven).map(|session| session.opener);
         self.note(EncryptedEvent::Keys { epoch });
@@ -701,7 +737,9 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             }
             _ => None,
         };
-        self.flush_at.into_iter().chain(keying).chain(silent).min()
+        let idle = self.idle_at().map(|(at, _)| at);
+        let due = self.flush_at.into_iter().chain(keying);
+        due.chain(silent).chain(idle).min()
     }
 }
 
@@ -747,6 +785,11 @@ const SHOWN_FOR: Duration = Duration::from_secs(5);
 const SILENCE: Duration = Duration::from_secs(2);
 const ASK_AGAIN: Duration = Duration::from_secs(10);
 const ASK_AGAIN_LAST: Duration = Duration::from_secs(60);
+/// An end that has sent nothing for so long sends a packet without a frame. That of the air shows the ground that it has the keys:
+/// two in a row may be lost within [`SILENCE`]. That of the ground is for the other end's status alone; a bridge's heartbeats are
+/// more frequent.
+const AIR_IDLE: Duration = Duration::from_millis(600);
+const GROUND_IDLE: Duration = Duration::from_secs(2);
 /// So many bad packets within this time are an alarm.
 const ALARM_AT: u32 = 32;
 const ALARM_WITHIN: Duration = Duration::from_secs(10);

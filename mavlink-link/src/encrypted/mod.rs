@@ -24,7 +24,8 @@
 //!
 //! On the wire: 7e ‖ kind ‖ body ‖ 7e (`framing`). A packet (kind 0) is id ‖ counter ‖ 80 bytes, encrypted ‖ tag of 8
 //! (`packet`); the 80 bytes are `first` ‖ `used` ‖ at most 78 bytes of MAVLink, where `first` is the offset of the first
-//! frame that begins in it (`sealer`, `opener`), so that a lost packet costs the frames that lie in it and no other.
+//! frame that begins in it (`sealer`, `opener`), so that a lost packet costs the frames that lie in it and no other. An end that has
+//! nothing to send sends a packet without a frame now and then, so that silence means something.
 //! Kind 1 is for the radio at this end, kind 2 a KEY_EXCHANGE in the clear.
 //!
 //! Order of the parts: `framing`, `packet`, `sealer`, `opener`, `record` (the disk), `exchange` (how the keys come about),

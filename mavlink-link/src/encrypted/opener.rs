@@ -252,6 +252,27 @@ mod tests {
     }
 
     #[test]
+    fn an_empty_packet_verifies_once_and_brings_nothing() {
+        let (mut sealer, mut opener) = pair(true);
+        let (mut sent, mut out) = (Vec::new(), Vec::new());
+        let long = frame(200, 1);
+        sealer.push(&long, |packet| sent.push(packet));
+        assert_eq!(sent.len(), 2);
+        sent.extend(sealer.seal());
+        sent.extend(sealer.seal());
+        for packet in &sent {
+            assert!(!opener.open(packet, &mut out).unwrap().malformed);
+        }
+        assert_eq!((sent.len(), &out), (4, &long), "the last one is empty");
+        let (mut sealer, mut opener) = pair(false);
+        out.clear();
+        let empty = sealer.seal().unwrap();
+        assert!(!opener.open(&empty, &mut out).unwrap().malformed);
+        assert!(out.is_empty());
+        assert_eq!(opener.open(&empty, &mut out), Err(Dropped::Replayed));
+    }
+
+    #[test]
     fn a_lost_packet_costs_the_frames_that_lie_in_it_and_no_other() {
         let frames: Vec<_> = (0..40).map(|n| frame(30 + n, n as u8)).collect();
         let count = packets(&mut pair(true).0, &frames).len();

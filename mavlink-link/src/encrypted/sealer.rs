@@ -69,10 +69,15 @@ impl Sealer {
 
     /// The packet as it is, filled with zeros; `None` where it is empty.
     pub(super) fn flush(&mut self) -> Option<[u8; PACKET]> {
-        let used = core::mem::take(&mut self.used);
-        if used == 0 {
+        if !self.is_pending() {
             return None;
         }
+        self.seal()
+    }
+
+    /// The same, also where it is empty: it shows that this end has the key.
+    pub(super) fn seal(&mut self) -> Option<[u8; PACKET]> {
+        let used = core::mem::take(&mut self.used);
         let mut plain = core::mem::replace(&mut self.plain, [0; PLAIN]);
         plain[0] = core::mem::replace(&mut self.first, NO_START);
         plain[1] = u8::try_from(used).ok()?;

@@ -206,6 +206,43 @@ fn what_is_for_the_radio_passes_in_the_clear_to_it_alone_and_is_no_mavlink() {
     }
 }
 
+fn epochs(world: &World) -> [Option<u32>; 2] {
+    let epoch = |end: &super::End| end.link.as_ref().unwrap().epoch();
+    world.ends.each_ref().map(epoch)
+}
+
+#[test]
+fn a_link_on_which_nothing_is_sent_agrees_once_and_counts_as_encrypted() {
+    for carrier in BOTH {
+        let mut world = World::new(21, carrier);
+        // The one frame of either end comes before there are keys, and is dropped.
+        world.run(Duration::from_secs(300), Duration::from_secs(3_600));
+        assert_eq!(epochs(&world), [Some(1), Some(1)], "{carrier:?}");
+        for at in [GROUND, AIR] {
+            assert_eq!(world.state(at), EncryptedState::Encrypted);
+            assert!(world.ends[at].got.is_empty());
+        }
+        let sent = world.tape.len();
+        assert!((600..=700).contains(&sent), "{sent} packets in 300 s");
+        world.recovery(ms(200));
+        assert_eq!(epochs(&world), [Some(1), Some(1)], "{carrier:?}");
+    }
+}
+
+#[test]
+fn an_end_of_which_no_packet_arrives_is_asked_for_other_keys_less_and_less_often() {
+    let mut world = World::new(22, Carrier::Datagrams);
+    let end = world.now + Duration::from_secs(100);
+    while world.now < end {
+        world.run(ms(10), Duration::from_secs(3_600));
+        // As of an end that has keys and sends nothing under them: its exchange alone arrives.
+        (world.under_way).retain(|_, (to, bytes)| *to != GROUND || bytes[1] != 0);
+    }
+    assert_eq!(world.state(GROUND), EncryptedState::Silent);
+    // At the start, after 2 s, and 10, 20 and 40 s later.
+    assert_eq!(epochs(&world), [Some(5), Some(5)]);
+}
+
 #[test]
 fn a_radio_that_was_out_of_reach_for_minutes_needs_no_new_keys() {
     let mut world = World::new(7, Carrier::Datagrams);
