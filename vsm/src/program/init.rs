@@ -419,9 +419,8 @@ fn write_files(files: &Files, text: &str, sitl: bool, made: &mut Made) -> anyhow
     made.0.push(files.key.clone());
     if sitl {
         let key = key_file::read(&files.key)?;
-        let folder = folder_of(&files.px4);
-        fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-        made.0.push(folder.to_owned());
+        key_file::make_px4_folder(&files.px4)?;
+        made.0.push(folder_of(&files.px4).to_owned());
         key_file::write_px4(&files.px4, &key, wall_stamp()?)
             .with_context(|| files.px4.display().to_string())?;
         made.0.push(files.px4.clone());

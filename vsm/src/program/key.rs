@@ -131,18 +131,44 @@ fn provision(
     if let Some(file) = sitl_file {
         return write_sitl_file(&config, &path, key()?, file).map_err(failed);
     }
+    let link = (&config, &vehicle, path.as_path());
     if path.exists() {
-        let path = path.display();
-        return Err(bad(anyhow!(
-            "{path} exists: the vehicle has had a key from here; replace it with `vsm key rotate`"
-        )));
+        return give_existing(link, from, over);
     }
     let wish = match from {
         None => Wish::AnyNew,
         Some(_) => Wish::This,
     };
-    let link = (&config, &vehicle, path.as_path());
     rotate_to(link, &key, over, wish)
+}
+
+/// The key is there already, as after `vsm init`. Where nothing was ever signed with it here, the vehicle is given that one.
+fn give_existing(link: Link<'_>, from: Option<&Path>, over: &Over) -> Result<(), Failure> {
+    let (config, _, path) = link;
+    let shown = path.display();
+    if let Some(from) = from {
+        return Err(bad(anyhow!(
+            "{shown} exists, and --from names {}: leave --from out to give the vehicle the key that is there, or move that file away",
+            from.display()
+        )));
+    }
+    let key = key_file::read(path).map_err(bad)?;
+    let used = peek::<Ceiling>(&config.store.dir, &key.id()).map_err(failed)?;
+    if used.is_some() {
+        return Err(bad(anyhow!(
+            "{shown} exists, and this VSM has signed with it: `vsm key rotate` replaces it where the vehicle has it. A vehicle that \
+             has none, or has lost it, is given a new one by `vsm key rotate --vehicle-is-unsigned`, or this one by `vsm key provision \
+             --sitl-file FILE` while it is off"
+        )));
+    }
+    match round(link, What::InForceAgain, over, Wish::AnyNew)?.0 {
+        // A key that was never sent is not looked for in the vehicle's frames.
+        Ending::ForeignKey => Err(failed(anyhow!(
+            "nothing was sent: the vehicle signs already, with the key in {shown}, where its SD card has that, or with another; \"vsm \
+             run\" and \"vsm status\" show which"
+        ))),
+        ending => conclude(ending, path).map_err(failed),
+    }
 }
 
 fn replace(which: &Which, over: &Over, revoke: bool) -> Result<(), Failure> {
@@ -377,6 +403,8 @@ fn write_sitl_file(
     // The lock excludes a running bridge, which reads its keys only when it starts.
     let _store = FileDisk::open(&config.store.dir)?;
     let keys = KeyStore::open(path)?;
+    // First, so that no key is made for a file that cannot be written.
+    key_file::make_px4_folder(file)?;
     if keys.current()?.is_none() {
         keys.stage(&key)?;
         keys.commit()?;

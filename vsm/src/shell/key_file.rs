@@ -3,9 +3,9 @@
 //! A key file holds 32 random bytes in hex, mode 0600, and is refused when others can read it. A pass phrase is refused:
 //! hashed once, it could be found with a dictionary.
 
-use std::fs;
+use std::fs::{self, DirBuilder};
 use std::io::{self, Read};
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{DirBuilderExt as _, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use mavlink_link::exchange::NoRandom;
@@ -13,7 +13,7 @@ use mavlink_link::signing::{SigningKey, Stamp};
 use rustix::process::{DumpableBehavior, Resource, Rlimit, set_dumpable_behavior, setrlimit};
 use zeroize::Zeroizing;
 
-use super::disk::{self, NativeFileSystem};
+use super::disk::{self, FileSystem as _, NativeFileSystem};
 use super::ownership::{self, OwnershipError};
 
 /// A key file that cannot be used.
@@ -175,6 +175,34 @@ pub fn write_px4(path: &Path, key: &SigningKey, first: Stamp) -> io::Result<()> 
     key_part.copy_from_slice(key.expose());
     stamp_part.copy_from_slice(&first.get().to_le_bytes());
     disk::replace(&NativeFileSystem, path, &*bytes, true)
+}
+
+/// Makes the folder of PX4's key file where it is missing, mode 0700: a new card has none. That above it must be there, or a name that
+/// is mistyped, or a card that is not mounted, would take the key.
+///
+/// # Errors
+/// The folder above it is missing, or the system's.
+pub fn make_px4_folder(path: &Path) -> io::Result<()> {
+    let folder = disk::folder_of(path);
+    if folder.is_dir() {
+        return Ok(());
+    }
+    let above = disk::folder_of(folder);
+    let made = DirBuilder::new().mode(0o700).create(folder);
+    made.and_then(|()| NativeFileSystem.sync(above))
+        .map_err(|cause| {
+            let (shown, above) = (folder.display(), above.display());
+            let text = match cause.kind() {
+                io::ErrorKind::NotFound => format!(
+                    "there is no folder {above} to make {shown} in: expected PX4's SD card, mounted, or its working folder"
+                ),
+                io::ErrorKind::AlreadyExists => {
+                    format!("{shown} is a file, expected a folder")
+                }
+                _ => format!("the folder {shown} cannot be made: {cause}"),
+            };
+            io::Error::new(cause.kind(), text)
+        })
 }
 
 /// Switches core files off for this process, permanently. Every command that reads keys calls it first.

@@ -1,6 +1,7 @@
 //! The commands by themselves: what each leaves in the folder, and what it refuses.
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -12,16 +13,25 @@ use kit::process::{KillOnDrop, free_udp_port, program};
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_key_file_for_a_simulated_px4_brings_up_a_signed_link() {
     let ground = Ground::new();
+    // A card that is not mounted, or whose name is mistyped: no key is left in its place.
     let (done, printed) = ground
         .command(&[
             "key",
             "provision",
             "--sitl-file",
-            "rootfs/mavlink-signing-key.bin",
+            "card/mavlink/mavlink-signing-key.bin",
         ])
         .await;
-    assert!(!done, "a folder that is not there: {printed}");
-    fs::create_dir(ground.path().join("rootfs")).unwrap();
+    assert!(
+        !done && printed.contains("no folder card to make card/mavlink in"),
+        "{printed}"
+    );
+    assert!(!ground.has("card") && !ground.has("uav1.key"));
+    fs::write(ground.path().join("file"), "").unwrap();
+    let (done, printed) = ground
+        .command(&["key", "provision", "--sitl-file", "file/key.bin"])
+        .await;
+    assert!(!done && printed.contains("file is a file"), "{printed}");
     let (done, printed) = ground
         .command(&[
             "key",
@@ -32,6 +42,8 @@ async fn a_key_file_for_a_simulated_px4_brings_up_a_signed_link() {
         .await;
     assert!(done, "{printed}");
 
+    let folder = fs::metadata(ground.path().join("rootfs")).unwrap();
+    assert_eq!(folder.permissions().mode() & 0o777, 0o700);
     // PX4's own format: the key, and the first stamp.
     let file = fs::read(ground.path().join("rootfs/mavlink-signing-key.bin")).unwrap();
     assert_eq!(file.len(), 40);
@@ -50,6 +62,36 @@ async fn a_key_file_for_a_simulated_px4_brings_up_a_signed_link() {
         .link_status("a signed link", |link| is_live_under(link, &id(key)))
         .await;
     assert!(link["live_s"].as_f64().unwrap() >= 0.0, "{link:#}");
+}
+
+/// As after `vsm init`: a key is there, and no vehicle has it.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_key_that_was_never_used_is_given_to_the_vehicle_and_one_in_use_is_not() {
+    let ground = Ground::new();
+    ground.write_key("uav1.key", FIRST);
+    ground.write_key("other.key", SECOND);
+    let (done, printed) = ground
+        .command(&["key", "provision", "--from", "other.key"])
+        .await;
+    assert!(
+        !done && printed.contains("--from names other.key"),
+        "{printed}"
+    );
+    let _vehicle = ground.vehicle(None, 0).await;
+    let (done, printed) = ground
+        .command(&["key", "provision", "--wait-s", "60"])
+        .await;
+    assert!(done, "{printed}");
+    assert!(ground.key("uav1.key").same_as(&key(FIRST)));
+    let (done, printed) = ground.command(&["key", "provision"]).await;
+    assert!(
+        !done && printed.contains("this VSM has signed with it"),
+        "{printed}"
+    );
+    let _bridge = ground.start_bridge();
+    ground
+        .link_status("a signed link", |link| is_live_under(link, &id(FIRST)))
+        .await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
