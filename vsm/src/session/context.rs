@@ -97,9 +97,18 @@ pub(crate) struct Origin {
     pub(crate) ack_requested: bool,
     /// The serial number of a held command: its answer is passed to the held machine.
     pub(crate) held: Option<u32>,
-    /// It continues the previous command of the same station: Edition 2.5 commands a mode (#42) and its values (#43) by two
-    /// messages. A hash of its values: a demand with the same hash commands the same.
-    pub(crate) continues: Option<u64>,
+    /// It continues the previous command of the same station.
+    pub(crate) continues: Option<Continues>,
+}
+
+/// How a command continues the one before it: Edition 2.5 commands a mode (#42) and its values (#43) by two messages, which a
+/// station may send either way round.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Continues {
+    /// A demand, with a hash of its values: one with the same hash commands the same.
+    Demand(u64),
+    /// A mode that has the values of the demand just before it.
+    ModeOfDemand,
 }
 
 /// The mission state that other machines may read.

@@ -25,9 +25,9 @@ use crate::config::Edition;
 use crate::session::aircraft::Aircraft;
 use crate::session::authority::rules::Silence;
 use crate::session::authority::{self, Input};
-use crate::session::context::Origin;
+use crate::session::context::{Continues, Origin};
 use crate::session::duplicates::{Seen, Verdict, is_command, stamps_apart_ms};
-use crate::session::editions::DEMAND;
+use crate::session::editions::{DEMAND, MadeOf};
 use crate::session::findings::dli::Fault;
 use crate::session::log::LogLevel;
 use crate::session::trace::DliTrace;
@@ -182,7 +182,7 @@ impl Bridge {
         now: Now,
         index: usize,
         frame: &Frame<'_>,
-        made_of: Option<u16>,
+        made_of: Option<MadeOf>,
         disk: &mut dyn Disk,
     ) -> bool {
         // A delayed message, or one converted from another edition, keeps its original addressing.
@@ -216,7 +216,10 @@ impl Bridge {
                 return false;
             }
         };
-        origin.continues = (made_of == Some(DEMAND)).then(|| values_of(&message));
+        origin.continues = made_of.and_then(|made| match made.number {
+            DEMAND => Some(Continues::Demand(values_of(&message))),
+            _ => made.takes_demand.then_some(Continues::ModeOfDemand),
+        });
         let partial = table::is_partial(message.info(), frame.data);
         self.stations[index].profile.note_message(&message, partial);
         if table::message(header.message_type)
@@ -262,7 +265,8 @@ impl Bridge {
         let ahead_ms = stamps_apart_ms(stamp, TimeStamp::from_unix_ms(wall_ms));
         self.stations[index].clock.note(now.mono, ahead_ms);
         let ack_requested = origin.ack_requested;
-        let seen = Seen::new(frame, &message, made_of, stamp, ack_requested, now.mono);
+        let number = made_of.map(|made| made.number);
+        let seen = Seen::new(frame, &message, number, stamp, ack_requested, now.mono);
         // A release needs no stamp. If it has one, a replay of a release from a time without rights is excluded.
         let releases = matches!(&message, Message::CucsAuthorisationRequest(request) if authority::releases(request));
         let verdict = self.remembered[index].judge(&seen, commands || releases, now.mono);

@@ -24,7 +24,7 @@ use crate::config::Edition;
 use crate::session::access::{Group, Permitted};
 use crate::session::context::Origin;
 use crate::session::duplicates::is_command;
-use crate::session::editions::{self, Contingencies, Inbound, Standing, Upload};
+use crate::session::editions::{self, Contingencies, Inbound, MadeOf, Standing, Upload};
 use crate::session::outbox::{Datagram, Destination};
 use crate::session::station::EDITION_CHANGES_AFTER;
 
@@ -184,6 +184,7 @@ impl Bridge {
             messages,
             replies,
             notices,
+            takes_demand,
             latch,
             waypoint,
             downloads,
@@ -207,7 +208,10 @@ impl Bridge {
         let discovers = messages
             .iter()
             .any(|(_, message)| matches!(message, Message::CucsAuthorisationRequest(_)));
-        let made_of = at.info.map(|info| info.id);
+        let made_of = at.info.map(|info| MadeOf {
+            number: info.id,
+            takes_demand,
+        });
         let mut accepted = false;
         let mut refused = false;
         for (envelope, message) in messages {
@@ -270,7 +274,7 @@ impl Bridge {
         index: usize,
         envelope: &Envelope,
         message: &Message,
-        made_of: Option<u16>,
+        made_of: Option<MadeOf>,
         disk: &mut dyn Disk,
     ) -> bool {
         let mut bytes = [0; MAX_DATAGRAM];

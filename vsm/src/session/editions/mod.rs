@@ -78,6 +78,8 @@ pub(crate) struct Inbound {
     pub(crate) replies: Vec<Vec<u8>>,
     /// What was ignored, for the operator.
     pub(crate) notices: Vec<String>,
+    /// The last of them is a mode that has the values of the demand just before it.
+    pub(crate) takes_demand: bool,
     /// The change of the translator's state once the last of the messages is accepted.
     pub(crate) latch: Option<(Id, Latch)>,
     /// A waypoint of a plan, whose contingencies are known once it is stored.
@@ -86,6 +88,15 @@ pub(crate) struct Inbound {
     pub(crate) downloads: bool,
     /// It requests a load that is refused.
     pub(crate) unfit: Option<Unfit>,
+}
+
+/// What of Edition 2.5 a message of Edition 4 was made from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MadeOf {
+    /// The message.
+    pub(crate) number: u16,
+    /// See [`Inbound::takes_demand`].
+    pub(crate) takes_demand: bool,
 }
 
 /// The stamp of our heartbeat that a #1400 answers: a station that returns it has received our message at this address.
@@ -195,6 +206,7 @@ impl Translator {
                 let steering = self.steering.entry(vehicle).or_default();
                 let order = steering.order(record)?;
                 taken.notices.extend(order.notice);
+                taken.takes_demand = order.takes_demand;
                 taken.latch = Some((vehicle, order.latch));
                 Some(order.message)
             }

@@ -15,7 +15,8 @@
 //! So a #43 changes the flight at once if it rules in the mode that the vehicle shows: in 15, and by #48 in 11 and 12, but
 //! on the ground in none. What does not rule is kept once, for the next #42: a demand from before the last #42 moves
 //! nothing. A station may send the pair either way round. After its #42 a #43 belongs to that mode. Just before one it
-//! belongs to the mode that follows: there its values rule again, though the mode shown has used them. These values of a #43
+//! belongs to the mode that follows: there its values rule again, though the mode shown has used them, and both are answered
+//! together ([`Order::takes_demand`]). These values of a #43
 //! count: an altitude and a heading whose command type is not 0, a speed and an altimeter setting that are not 0, and a
 //! waypoint of 1 to 65534 that differs from the one before and from the one that the vehicle flies to. Preference 1 of #48
 //! falls back to 0 when a waypoint is reached, and in mode 12 when the vehicle is at the loiter position of the #43
@@ -67,6 +68,8 @@ pub(crate) struct Order {
     pub(crate) latch: Latch,
     /// What of it has no effect now, for the operator.
     pub(crate) notice: Option<String>,
+    /// It is a #42 that has the values of the #43 just before it, so that the two are one command.
+    pub(crate) takes_demand: bool,
 }
 
 /// A #43, and what of it the next #42 may use.
@@ -88,10 +91,15 @@ pub(crate) struct Demand {
 }
 
 impl Demand {
+    /// Whether it may be the values of a #42 with this stamp.
+    fn leads_to(&self, seconds: f64) -> bool {
+        let since = seconds - self.record.number(1).unwrap_or_default();
+        self.leads && (0.0..ONE_COMMAND_S).contains(&since)
+    }
+
     /// Its values for a #42 with this mode.
     fn values(&self, mode: u8, seconds: f64) -> Record {
-        let since = seconds - self.record.number(1).unwrap_or_default();
-        let mut values = if self.leads && (0.0..ONE_COMMAND_S).contains(&since) {
+        let mut values = if self.leads_to(seconds) {
             self.record.clone()
         } else {
             self.rest.clone()
@@ -128,6 +136,7 @@ impl Steering {
                     message: to(&loiter, LoiterConfiguration::ID)?,
                     latch: Latch::Loiter(record.clone()),
                     notice: (absent(record) && is_new).then(|| NO_LOITER_ALTITUDE.to_owned()),
+                    takes_demand: false,
                 })
             }
             42 => self.mode(record),
@@ -155,8 +164,11 @@ impl Steering {
         let demand = self.demand.as_ref();
         let demand = demand.filter(|one| one.fresh && (mode != WAVE_OFF || one.altitude));
         let seconds = record.number(1).unwrap_or_default();
+        let mut takes_demand = false;
         if let Some(demand) = demand {
             self.rule(mode, &demand.values(mode, seconds), &mut command);
+            let rules = |(place, _): &(u8, u8)| command.number(*place).is_some();
+            takes_demand = demand.leads_to(seconds) && USED_BY.iter().any(rules);
         }
         if mode == LOITER {
             self.configured(&mut command);
@@ -168,6 +180,7 @@ impl Steering {
             message: command.message()?,
             latch: Latch::Mode(mode, seconds),
             notice: None,
+            takes_demand,
         })
     }
 
@@ -231,6 +244,7 @@ impl Steering {
             message: command.message()?,
             latch: Latch::Demand(demand),
             notice: notice.filter(|_| self.changes(record, &[18, 19])),
+            takes_demand: false,
         })
     }
 
@@ -466,6 +480,7 @@ fn preference(record: &Record) -> Result<Order, Refusal> {
         message: whole(record)?.message()?,
         latch: Latch::Preference(preference),
         notice: None,
+        takes_demand: false,
     })
 }
 
@@ -715,6 +730,31 @@ mod tests {
         take(&mut steering, &record(43, 40.0, &DEMAND));
         let hold = mode(&mut steering, LOITER, 43.0);
         assert_eq!((metres(&hold), hold.heading_command_type), (None, None));
+    }
+
+    #[test]
+    fn a_mode_is_one_command_with_the_demand_just_before_it_whose_values_rule_in_it() {
+        let takes = |steering: &Steering, mode: u8, at: f64| {
+            let order = steering.order(&record(42, at, &[(4, f64::from(mode))]));
+            order.expect("it is made").takes_demand
+        };
+        let mut steering = Steering::default();
+        manual(&mut steering);
+        steering.shows(Some(LOITER));
+        take(&mut steering, &record(43, 0.0, &DEMAND));
+        for (mode, at, expected) in [
+            (LOITER, 0.2, true),
+            (AUTOPILOT, 0.2, true),
+            // A landing uses nothing of it; what is long past leads no mode.
+            (19, 0.2, false),
+            (LOITER, 30.0, false),
+        ] {
+            assert_eq!(takes(&steering, mode, at), expected, "{mode} at {at}");
+        }
+        // It belongs to the mode before it.
+        mode(&mut steering, AUTOPILOT, 40.0);
+        take(&mut steering, &record(43, 40.3, &DEMAND));
+        assert!(!takes(&steering, LOITER, 40.9));
     }
 
     #[test]

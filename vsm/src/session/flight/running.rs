@@ -14,7 +14,7 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::{Context, Flight, curve_stream, select};
 use crate::config::OnLoss;
-use crate::session::context::Origin;
+use crate::session::context::{Continues, Origin};
 use crate::session::effects::{Effects, Request};
 use crate::session::maneuver::{Maneuver, Progress};
 
@@ -67,7 +67,8 @@ impl Flight {
             let came = self.load_commanded.unwrap_or(now);
             return (!self.contingencies.knew_of(came)).then_some(TOO_EARLY);
         }
-        if mode.is_none() || origin.continues.is_some() || repeats {
+        let is_demand = matches!(origin.continues, Some(Continues::Demand(_)));
+        if mode.is_none() || is_demand || repeats {
             return Some(NOT_NEW);
         }
         (!self.contingencies.knew_of(now)).then_some(TOO_EARLY)
@@ -76,8 +77,16 @@ impl Flight {
     /// Whether a command continues the one in progress: it is answered together with it and supersedes nothing.
     pub(super) fn is_continued_by(&self, origin: Option<Origin>) -> bool {
         let running = self.maneuver.as_ref().and_then(|(origin, _)| *origin);
-        let both = running.zip(origin.filter(|origin| origin.continues.is_some()));
-        both.is_some_and(|(running, later)| running.station == later.station)
+        running.zip(origin).is_some_and(|(running, later)| {
+            let is_demand = |one: Origin| matches!(one.continues, Some(Continues::Demand(_)));
+            let is_one_command = match later.continues {
+                Some(Continues::Demand(_)) => true,
+                // What it has of the demand is flown in its mode.
+                Some(Continues::ModeOfDemand) => is_demand(running),
+                None => false,
+            };
+            is_one_command && running.station == later.station
+        })
     }
 
     /// Adds a command that ends together with the maneuver in progress. It supersedes demands with other values.
@@ -325,8 +334,10 @@ impl Flight {
 
 /// Whether a demand (#43) differs from a later one, so that it is not carried out.
 fn is_outdated(demand: &Origin, later: Origin) -> bool {
-    let both = demand.continues.zip(later.continues);
-    both.is_some_and(|(before, after)| before != after)
+    match (demand.continues, later.continues) {
+        (Some(Continues::Demand(before)), Some(Continues::Demand(after))) => before != after,
+        _ => false,
+    }
 }
 
 /// Maximum number of commands that are answered with one maneuver.

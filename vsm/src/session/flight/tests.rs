@@ -8,6 +8,7 @@ use stanag_msgs::scalar::{Bam16, Scaled};
 
 use super::*;
 use crate::config::OnLoss;
+use crate::session::context::Continues;
 use crate::session::other::Other;
 use crate::session::testing::{World, acknowledgements, origin};
 
@@ -41,7 +42,25 @@ fn command(world: &mut World, flight: &mut Flight, message: impl Into<Message>) 
 fn demand(world: &mut World, flight: &mut Flight, values: u64, heading: f64) -> Vec<AckType> {
     let message = turn_to(heading).into();
     let origin = Origin {
-        continues: Some(values),
+        continues: Some(Continues::Demand(values)),
+        ..origin(&message)
+    };
+    let message = &message;
+    handle(world, flight, Input::Command { origin, message });
+    handle(world, flight, Input::Advance);
+    acknowledgements(&world.sent_to(0))
+}
+
+/// A #42 of Edition 2.5 right after a #43.
+fn mode_after_demand(
+    world: &mut World,
+    flight: &mut Flight,
+    mode: Mode,
+    continues: Option<Continues>,
+) -> Vec<AckType> {
+    let message = select(mode).into();
+    let origin = Origin {
+        continues,
         ..origin(&message)
     };
     let message = &message;
@@ -104,6 +123,31 @@ fn a_mode_is_carried_out_once_the_vehicle_shows_it_not_when_it_accepts_it() {
     handle(&mut world, &mut flight, Input::Advance);
     assert_eq!(acknowledgements(&world.sent_to(0)), [AckType::CarriedOut]);
     assert!(!flight.view().maneuver && flight.poll_timeout().is_none());
+}
+
+#[test]
+fn a_mode_supersedes_the_demand_before_it_unless_it_has_its_values() {
+    for (continues, at_once, at_the_end) in [
+        (None, &[AckType::Received, AckType::Refused][..], 1),
+        (Some(Continues::ModeOfDemand), &[AckType::Received], 2),
+    ] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+        assert_eq!(demand(&mut world, &mut flight, 1, 0.5), [AckType::Received]);
+        assert_eq!(world.commanded_modes(), [Px4Mode::OFFBOARD]);
+        let land = Mode::AutolandEngage;
+        let answers = mode_after_demand(&mut world, &mut flight, land, continues);
+        assert_eq!(answers, at_once, "{continues:?}");
+        assert_eq!(answer_mode(&mut world, &mut flight, ACCEPTED), []);
+        world.show_mode(Px4Mode::LAND);
+        assert_eq!(world.commanded_modes().pop(), Some(Px4Mode::LAND));
+        let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+        assert_eq!(answers, vec![AckType::CarriedOut; at_the_end]);
+        // Where what is in progress is no demand, it is superseded in either case.
+        let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+        command(&mut world, &mut flight, select(Mode::Loiter));
+        let answers = mode_after_demand(&mut world, &mut flight, land, continues);
+        assert_eq!(answers, [AckType::Received, AckType::Refused]);
+    }
 }
 
 #[test]

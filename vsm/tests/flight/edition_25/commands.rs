@@ -418,6 +418,46 @@ fn a_demand_right_after_its_mode_is_one_command_with_it() {
     }
 }
 
+/// The other way round: what the demand has begun in the mode before is flown in the new one.
+#[test]
+fn a_demand_right_before_its_mode_is_one_command_with_it() {
+    let (mut rig, mut station) = ready();
+    take_off(&mut rig, &mut station, 20.0);
+    for message in [42, 43] {
+        let fields = json!({ "Message Type": message });
+        station.send(&mut rig, vehicle_id(0), 1401, &fields);
+    }
+    let both = json!({ "Altitude Mode": 2, "Speed Mode": 2, "Course/Heading Mode": 2 });
+    station.send(&mut rig, vehicle_id(0), 48, &both);
+    rig.run(2.0);
+    mode(&mut rig, &mut station, 12);
+    assert!(rig.until(10.0, |rig| rig.truth().mode == Px4::Loiter));
+    rig.run(6.0);
+    for (wanted, shown, height_m) in [(12, Px4::Loiter, 35.0), (15, Px4::Offboard, 45.0)] {
+        station.take(&rig, 1400);
+        let higher = json!({
+            "Altitude Command Type": 1, "Commanded Altitude": height_m, "Altitude Type": 2,
+        });
+        steer(&mut rig, &mut station, &higher);
+        rig.run(0.3);
+        mode(&mut rig, &mut station, wanted);
+        let flown = rig.until(60.0, |rig| {
+            rig.truth().mode == shown && (-rig.truth().position.d - height_m).abs() < 1.5
+        });
+        assert!(flown, "{:?} {:?}", rig.truth(), station.alerts(&rig));
+        rig.run(2.0);
+        let alerts = station.alerts(&rig).join("|");
+        assert!(!alerts.contains("superseded"), "{alerts}");
+        let answers = station.take(&rig, 1400);
+        for number in [42, 43] {
+            let answered = answers
+                .iter()
+                .any(|one| one["Original Message Type"] == number);
+            assert!(answered, "{number}: {answers:?}");
+        }
+    }
+}
+
 #[test]
 fn flight_termination_takes_46_to_arm_and_46_to_execute_and_108_reports_it() {
     let mut rig = Rig::new(Setup {
