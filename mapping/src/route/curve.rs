@@ -4,11 +4,13 @@
 //! from the waypoints, its altitudes a common reference, and its vertices become items of the waypoint that it leads to.
 
 use curve_paths::flight::{
-    CURVE_SWING_S, FlownItem, NotFlyable, chord_acceptance_m, climbing_mps, climbs, flown_bound_m,
-    plan_flight,
+    CURVE_SWING_S, FlownItem, NotFlyable, Tight, chord_acceptance_m, climbing_mps, climbs,
+    flown_bound_m, plan_flight,
 };
 use curve_paths::terrain::Terrain;
-use curve_paths::{BezierLeg, Control, Densified, Options, Position, Vertex, densify};
+use curve_paths::{
+    BezierLeg, Control, Densified, DensifyError, Options, Position, Vertex, densify,
+};
 use mavlink_link::service::mission::Item;
 use stanag_msgs::messages::UaPositionWaypoint;
 
@@ -197,14 +199,13 @@ fn chords(
 ) -> Result<Chords, CurveError> {
     let over = ground.heights_m.zip(site.terrain);
     let (leg, above_home) = bezier((p1, p4), curve, ground.heights_m, site)?;
-    let shape = |fault: &dyn std::fmt::Display| CurveError::Shape(fault.to_string());
     let legs = [curve_paths::Leg::Bezier(leg)];
     let tolerance_m = site.curving.tolerance_m;
     let options = Options {
         vertices: site.curving.vertices,
         ..Options::flight(tolerance_m)
     };
-    let mut densified = densify(&legs, &options).map_err(|fault| shape(&fault))?;
+    let mut densified = densify(&legs, &options).map_err(too_sharp)?;
     if let Some((_, terrain)) = over {
         let slopes = site.wings.as_ref();
         let slopes = slopes.map(|wings| Slopes::of(wings, speed_m_s));
@@ -214,27 +215,14 @@ fn chords(
                 let [from, to] = [pair[0].position, pair[1].position];
                 let distance_m = from.ground().distance_m(to.ground());
                 let steep = wings.check_climb(to.alt_m - from.alt_m, distance_m, speed_m_s);
-                steep.map_err(|fault| shape(&fault))?;
+                steep.map_err(|fault| CurveError::Shape(fault.to_string()))?;
             }
         }
     }
     let airframe = site.airframe();
     let climbs = site.hovers() && climbs(&densified.vertices);
-    let flown = plan_flight(&legs, &densified, &airframe, speed_m_s, site.curving.policy).map_err(
-        |fault| match fault {
-            NotFlyable::ClimbsTooFast {
-                speed_mps,
-                chord_m,
-                fastest_mps,
-                ..
-            } => CurveError::ClimbsTooFast {
-                speed_m_s: speed_mps,
-                chord_m,
-                fastest_m_s: fastest_mps,
-            },
-            fault => shape(&fault),
-        },
-    )?;
+    let flown = plan_flight(&legs, &densified, &airframe, speed_m_s, site.curving.policy)
+        .map_err(not_flyable)?;
     let speed_at = |vertex: usize| {
         let change = flown.changes.iter().find(|change| change.vertex == vertex);
         change.map(|change| change.speed_mps)
@@ -283,6 +271,55 @@ fn chords(
         bound_m: densified.bound_m,
         time_s: flown.curves_s,
     })
+}
+
+/// The geometry numbers the legs of a route, and is given one: which, the route's error says by its waypoints. What is left to say is where
+/// on it, and what can be changed on a bridge.
+fn too_sharp(fault: DensifyError) -> CurveError {
+    CurveError::Shape(match fault {
+        DensifyError::ChordTooShort {
+            at,
+            min_chord_m,
+            tolerance_m,
+            ..
+        } => format!(
+            "{}: it turns or climbs too sharply for chords of {min_chord_m} m or longer within {tolerance_m} m: make it wider or \
+             less steep there, or raise vehicle.curve.tolerance_m",
+            place(at)
+        ),
+        fault => fault.to_string(),
+    })
+}
+
+fn not_flyable(fault: NotFlyable) -> CurveError {
+    let turn = |tight: &Tight| format!("{}: radius {:.1} m", place(tight.position), tight.radius_m);
+    match fault {
+        NotFlyable::ClimbsTooFast {
+            speed_mps,
+            chord_m,
+            fastest_mps,
+            ..
+        } => CurveError::ClimbsTooFast {
+            speed_m_s: speed_mps,
+            chord_m,
+            fastest_m_s: fastest_mps,
+        },
+        NotFlyable::TooFast(tight, speed_mps) => CurveError::Shape(format!(
+            "{}, {speed_mps} m/s requested, at most {:.1} m/s: fly slower, make it wider there, or set vehicle.curve.policy to \"slow\"",
+            turn(&tight),
+            tight.fastest_mps
+        )),
+        NotFlyable::TooTight(tight, slowest_mps) => CurveError::Shape(format!(
+            "{} allows {:.1} m/s, the slowest is {slowest_mps} m/s: make it wider there",
+            turn(&tight),
+            tight.fastest_mps
+        )),
+        NotFlyable::Speed { .. } => CurveError::Shape(fault.to_string()),
+    }
+}
+
+fn place(at: Position) -> String {
+    format!("at {:.6}, {:.6}", at.lat_deg, at.lon_deg)
 }
 
 /// The curve from `p1` to `p4`, and whether its altitudes are heights above home; otherwise they are above mean sea level, or

@@ -6,6 +6,7 @@ use crate::parameter::Parameters;
 use crate::plan::Plan;
 use crate::route::{CompiledMission, Curving, Reason, RouteError, Site, Vertices, compile};
 use crate::telemetry::Place;
+use curve_paths::flight::Policy;
 use curve_paths::{BezierLeg, Control, Position};
 use stanag_msgs::enums::{AltitudeType, LimitType, WaypointType};
 use stanag_msgs::messages::{CurveSegment, CurveSegmentPaper, UaPositionWaypoint, UaRoute};
@@ -249,6 +250,26 @@ fn a_curve_that_cannot_be_flown_is_refused_with_its_waypoint() {
         "{text}"
     );
     assert!(text.contains("below home (488.0 m AMSL)"), "{text}");
+    // A hairpin with a radius of a metre, 500 m to the east: it is named by its place and the waypoints, not by a number of legs.
+    let hairpin = CurveSegment {
+        p2_latitude: Some(Bam32::from_degrees(47.3980)),
+        p2_longitude: Some(Bam32::from_degrees(8.5540)),
+        p3_latitude: Some(Bam32::from_degrees(47.3981)),
+        p3_longitude: Some(Bam32::from_degrees(8.5540)),
+        ..curve(9, 4)
+    };
+    let curving = Curving {
+        policy: Policy::Refuse,
+        ..Curving::default()
+    };
+    let site = Site { curving, ..site() };
+    let fault = planned_at(&[Message::CurveSegment(hairpin)], &site).expect_err("too tight");
+    let text = fault.to_string();
+    assert!(
+        text.starts_with("waypoint 9: its curved leg to 4: at 47.39"),
+        "{text}"
+    );
+    assert!(!text.contains("leg 0"), "{text}");
     let fault = refused(&[Message::CurveSegment(curve(9, 2))]);
     assert_eq!(
         (fault.waypoint, fault.reason),

@@ -660,7 +660,7 @@ fn a_turn_tighter_than_the_wing_can_is_refused_with_its_waypoint_and_figures() {
         (
             refuse,
             15.0,
-            ["radius 14.8 m", "15 m/s asked for, at most 13.2 m/s"],
+            ["radius 14.8 m", "15 m/s requested, at most 13.2 m/s"],
         ),
     ] {
         let mut rig = Rig::ready_with(winged(keys));

@@ -94,7 +94,7 @@ pub enum RenewError {
     #[error(transparent)]
     List(#[from] ListError),
     /// It is older than the one in force.
-    #[error("the access list is version {found}, older than version {in_force}, which is in force: sign it as version {}", .in_force.saturating_add(1))]
+    #[error("the file of the access list is version {found}, older than version {in_force}, which stays in force: {}", sign_after(*in_force))]
     Older {
         /// The file's version.
         found: u64,
@@ -102,14 +102,31 @@ pub enum RenewError {
         in_force: u64,
     },
     /// Two different lists were signed with the same version.
-    #[error("this access list differs from the one in force but has the same version ({version}): sign it as version {}", .version.saturating_add(1))]
+    #[error("the file of the access list has the same version ({version}) as the one in force, and other entries; the one in force stays: {}", sign_after(*version))]
     Another {
         /// The version of both.
         version: u64,
     },
     /// No list can be in force here.
-    #[error("no access list is configured: set [access], and restart")]
+    #[error(
+        "no access list is in force that the file could replace: name it in [access] of the configuration, and restart the bridge"
+    )]
     NotConfigured,
+}
+
+/// How a list becomes newer than this version.
+fn sign_after(version: u64) -> String {
+    match version.checked_add(1) {
+        Some(next) => {
+            format!(
+                "sign the file again, by `vsm access sign --version {next}` or a greater version"
+            )
+        }
+        None => {
+            "there is no greater version: make another key (`vsm keygen`), and a new list under it"
+                .to_owned()
+        }
+    }
 }
 
 /// The newest list that was in force under a key, as it was signed.

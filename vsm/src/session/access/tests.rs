@@ -70,7 +70,14 @@ fn an_older_list_is_not_taken_over_a_restart_and_the_newest_stays_in_force() {
         found: 4,
         in_force: 5,
     };
-    assert_eq!(access.prepare(&file(4)).unwrap_err(), older);
+    let found = access.prepare(&file(4)).unwrap_err();
+    assert_eq!(found, older);
+    let text = found.to_string();
+    for part in ["version 4, older than version 5", "sign --version 6"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let last = RenewError::Another { version: u64::MAX }.to_string();
+    assert!(last.contains("there is no greater version"), "{last}");
     assert!(access.prepare(&file(5)).unwrap().is_none());
     let new = access.prepare(&file(7)).unwrap().expect("it is newer");
     access.store(&new, &mut disk).unwrap();
