@@ -1,6 +1,6 @@
 //! A route into 13001, 13002, 13003, 50001 and 50002, and back. Time stamps are set when the messages are sent.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use stanag_msgs::enums::{
     LimitType, LoiterDurationUnits, MissionPlanMode, RouteType, WaypointType,
@@ -114,8 +114,14 @@ impl Route {
     /// A waypoint or a curve lacks a position or an altitude, which a route file cannot leave out: a number in its place
     /// would be flown once the file is sent.
     pub fn from_download(download: &Download) -> Result<Vec<Route>, RouteError> {
+        let mut curves = BTreeMap::<u16, Vec<Curve>>::new();
+        for message in download.messages() {
+            if let Some(curve) = curve(&message)? {
+                curves.entry(curve.from).or_default().push(curve);
+            }
+        }
         let routes = download.routes().iter();
-        routes.map(|route| from(route, download)).collect()
+        routes.map(|route| from(route, download, &curves)).collect()
     }
 
     /// Routes of one plan, in the order of a download, as one: the latest flight route, otherwise the latest of all, is the
@@ -127,6 +133,10 @@ impl Route {
         let latest = routes.iter().rposition(flies);
         let main = latest.or(routes.len().checked_sub(1))?;
         let mut whole = routes.remove(main);
+        // They are of one plan: a waypoint or a curve of both is the same.
+        let name = |curve: &Curve| (curve.from, curve.to, curve.form == CurveForm::Paper);
+        let mut known: BTreeSet<u16> = whole.waypoints.iter().map(|point| point.number).collect();
+        let mut drawn: BTreeSet<_> = whole.curves.iter().map(name).collect();
         for route in routes {
             let Route {
                 id,
@@ -142,21 +152,10 @@ impl Route {
                 route_type,
                 initial: initial.unwrap_or(first),
             });
-            // They are of one plan: a waypoint or a curve of both is the same.
-            for point in waypoints {
-                if whole
-                    .waypoints
-                    .iter()
-                    .all(|known| known.number != point.number)
-                {
-                    whole.waypoints.push(point);
-                }
-            }
-            for curve in curves {
-                if !whole.curves.contains(&curve) {
-                    whole.curves.push(curve);
-                }
-            }
+            let others = waypoints.into_iter();
+            (whole.waypoints).extend(others.filter(|point| known.insert(point.number)));
+            let others = curves.into_iter();
+            (whole.curves).extend(others.filter(|curve| drawn.insert(name(curve))));
         }
         Some(whole)
     }
@@ -291,7 +290,12 @@ fn maybe<R: Integer, S: Scale>(
     value.map(|value| scaled(what, value)).transpose()
 }
 
-fn from(route: &UaRoute, download: &Download) -> Result<Route, RouteError> {
+/// `curves`: those of the plan, by the waypoint where each begins.
+fn from(
+    route: &UaRoute,
+    download: &Download,
+    curves: &BTreeMap<u16, Vec<Curve>>,
+) -> Result<Route, RouteError> {
     let mut waypoints: Vec<Waypoint> = Vec::new();
     let mut reached = BTreeSet::new();
     let mut number = route.initial_waypoint_number.unwrap_or(0);
@@ -303,17 +307,9 @@ fn from(route: &UaRoute, download: &Download) -> Result<Route, RouteError> {
         waypoints.push(waypoint(number, point, loiter)?);
         number = point.next_waypoint.unwrap_or(0);
     }
-    let place = |curve: &Curve| {
-        waypoints
-            .iter()
-            .position(|point| point.number == curve.from)
-    };
-    let mut curves: Vec<Curve> = download
-        .messages()
-        .filter_map(|message| curve(&message).transpose())
-        .collect::<Result<_, _>>()?;
-    curves.retain(|curve| place(curve).is_some());
-    curves.sort_by_key(place);
+    let each = waypoints.iter();
+    let curves = each.filter_map(|point| curves.get(&point.number)).flatten();
+    let curves = curves.copied().collect();
     Ok(Route {
         mission_id: None,
         id: route.route_id.map(|id| id.as_str().to_owned()),
@@ -431,7 +427,67 @@ fn there(of: &str, field: &'static str, value: Option<f64>) -> Result<f64, Route
 
 #[cfg(test)]
 mod tests {
+    use std::time::{Duration, Instant};
+
     use super::*;
+
+    /// Two routes that share all their waypoints, each leg curved.
+    #[test]
+    fn ten_thousand_waypoints_with_as_many_curves_are_a_matter_of_milliseconds() {
+        const COUNT: u16 = 10_000;
+        let mut download = Download::default();
+        for (id, first) in [("one", 1), ("two", 2)] {
+            let route = UaRoute {
+                route_id: Some(Text::new(id)),
+                initial_waypoint_number: Some(first),
+                ..UaRoute::default()
+            };
+            assert!(download.take(&route.into()));
+        }
+        let place = |number: u16| Some(Bam32::from_degrees(f64::from(number) * 1e-3));
+        for number in 1..=COUNT {
+            let next = if number == COUNT { 0 } else { number + 1 };
+            let point = UaPositionWaypoint {
+                waypoint_number: Some(number),
+                waypoint_to_latitude_or_relative_y: place(number),
+                waypoint_to_longitude_or_relative_x: place(number),
+                waypoint_to_altitude: Scaled::from_si(30.0).ok(),
+                next_waypoint: Some(next),
+                ..UaPositionWaypoint::default()
+            };
+            assert!(download.take(&point.into()));
+            let leg = CurveSegment {
+                p1_waypoint_no: Some(number),
+                p4_waypoint_no: Some(next),
+                p2_latitude: place(number),
+                p2_longitude: place(number),
+                p3_latitude: place(number),
+                p3_longitude: place(number),
+                ..CurveSegment::default()
+            };
+            assert!(next == 0 || download.take(&leg.into()));
+        }
+        let begun = Instant::now();
+        let routes = Route::from_download(&download).expect("whole");
+        let counts = |route: &Route| (route.waypoints.len(), route.curves.len());
+        let counted: Vec<_> = routes.iter().map(counts).collect();
+        assert_eq!(counted, [(10_000, 9_999), (9_999, 9_998)]);
+        let whole = Route::joined(routes).expect("a route");
+        let took = begun.elapsed();
+        assert_eq!(counts(&whole), (10_000, 9_999));
+        // In order, and that which the second route lacks behind them.
+        let numbers = whole.waypoints.iter().map(|point| point.number);
+        assert!(numbers.eq((2..=COUNT).chain([1])));
+        assert!(
+            whole
+                .curves
+                .iter()
+                .map(|curve| curve.from)
+                .eq((2..COUNT).chain([1]))
+        );
+        // A search of all waypoints for each curve, or waypoint, takes many seconds in a build for tests.
+        assert!(took < Duration::from_secs(2), "{took:?}");
+    }
 
     #[test]
     fn a_joined_plan_loads_the_route_that_a_load_without_a_name_loads() {
