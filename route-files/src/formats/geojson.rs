@@ -174,6 +174,12 @@ impl Found<'_> {
                     problem,
                 ));
             }
+            if point.no_altitude.is_some() {
+                let problem = format!(
+                    "{coordinates}, expected [longitude, latitude, altitude] of a rally point, above home"
+                );
+                return Err(self.document.fault(path, &problem));
+            }
             self.lines.rally.push(point.position);
         } else {
             let datum = self.datum(owner, path)?;
@@ -425,7 +431,10 @@ mod tests {
         );
         let rally = |kind: &str| json!({ "rally": true, "altitude_type": kind });
         assert!(lines(&[feature(point(), rally("agl"))]).is_ok());
-        let fault = fault(&[feature(point(), rally("amsl"))]);
-        assert!(fault.contains("rally points are above home"), "{fault}");
+        let high = fault(&[feature(point(), rally("amsl"))]);
+        assert!(high.contains("rally points are above home"), "{high}");
+        let flat = json!({ "type": "Point", "coordinates": [8.5, 47.4] });
+        let flat = fault(&[feature(flat, rally("agl"))]);
+        assert!(flat.contains("altitude] of a rally point"), "{flat}");
     }
 }

@@ -137,7 +137,15 @@ impl Reader {
                     radius_m: p1,
                 },
             }),
-            RALLY_POINT if placed => self.draft.rally.push(Position::new(lat, lon, alt)),
+            RALLY_POINT if placed => {
+                // An altitude that is absent, or above another level, is no height above home.
+                if alt.is_finite() && is_relative(item.frame) == Ok(true) {
+                    self.draft.rally.push(Position::new(lat, lon, alt));
+                } else {
+                    let what = "rally point without an altitude above home";
+                    self.draft.losses.add(item.item, what);
+                }
+            }
             _ => {
                 let extra = self.extra(item);
                 self.draft.extras.push(extra);

@@ -238,18 +238,26 @@ impl Found<'_> {
             return Ok(());
         }
         if owner.get("rally").is_some() {
-            if shape.text_of("altitudeMode") == Some(ABSOLUTE) {
-                let problem =
-                    "absolute, expected relativeToGround: heights of rally points are above home";
-                return Err(FormatError::at(
-                    self.file,
-                    Some(shape.line),
+            let mode = shape.text_of("altitudeMode");
+            let (field, problem) = match mode {
+                Some(RELATIVE) if first.no_altitude.is_none() => {
+                    self.lines.rally.push(position);
+                    return Ok(());
+                }
+                Some(RELATIVE) => (
+                    "coordinates",
+                    "no altitude, expected longitude,latitude,altitude of a rally point, above home".to_owned(),
+                ),
+                // Drawn on the ground where there is none: whatever its tuple gives is no height to return at.
+                _ => (
                     "altitudeMode",
-                    problem,
-                ));
-            }
-            self.lines.rally.push(position);
-            return Ok(());
+                    format!(
+                        "{}, expected {RELATIVE}: heights of rally points are above home",
+                        mode.unwrap_or("none")
+                    ),
+                ),
+            };
+            return Err(FormatError::at(self.file, Some(shape.line), field, problem));
         }
         let datum = datum(shape, &mut points);
         let all = &mut self.lines.points;
@@ -492,7 +500,14 @@ mod tests {
         };
         let lines = rally(RELATIVE).expect("it is above home");
         assert_eq!(lines.rally, [Position::new(47.4, 8.5, 30.0)]);
-        let fault = rally(ABSOLUTE).err().expect("it is refused").to_string();
-        assert!(fault.contains("rally points are above home"), "{fault}");
+        for mode in [ABSOLUTE, "clampToGround", ""] {
+            let fault = rally(mode).err().expect("it is refused").to_string();
+            assert!(fault.contains("rally points are above home"), "{fault}");
+        }
+        let flat = "<kml><Placemark><ExtendedData><Data name=\"rally\"><value>yes</value></Data></ExtendedData><Point>\
+                    <altitudeMode>relativeToGround</altitudeMode><coordinates>8.5,47.4</coordinates></Point></Placemark></kml>";
+        let fault = read(Path::new("a.kml"), flat).err().expect("it is refused");
+        let fault = fault.to_string();
+        assert!(fault.contains("coordinates: no altitude"), "{fault}");
     }
 }

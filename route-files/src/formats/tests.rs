@@ -396,6 +396,19 @@ fn a_fence_file_of_mavproxy_is_a_fence() {
         draft.losses.lost[0].what,
         "geofence polygon cut short (1 vertices)"
     );
+    // A rally point has a height above home (frame 3): one above sea level (frame 0) is none that could be returned at.
+    let rally = row(2, 5100, 0.0, 47.11, 8.11);
+    let relative = rally.replacen("\t0\t0\t", "\t0\t3\t", 1);
+    for (rally, count) in [(relative, 1), (rally, 0)] {
+        let way = [(0, 47.0), (1, 47.01)].map(|(k, lat)| row(k, 16, 0.0, lat, 8.0));
+        let text = format!("QGC WPL 110\n{}{rally}", way.concat());
+        std::fs::write(&file, text).unwrap();
+        let draft = read_track(&file, &Selection::default()).unwrap();
+        assert_eq!(draft.rally.len(), count, "{rally}");
+        let mut lost = draft.losses.lost.iter();
+        let named = lost.any(|loss| loss.what.contains("rally point without an altitude"));
+        assert_eq!(named, count == 0, "{:?}", draft.losses.lost);
+    }
 }
 
 #[test]
