@@ -69,13 +69,12 @@ impl Source for Rc<Replay> {
         self.0.map(self.moment(moment))
     }
 
-    fn events(&self, from: u64, moment: Option<Duration>) -> Vec<Event> {
+    fn events(&self, moment: Option<Duration>) -> Vec<Event> {
         let moment = self.moment(moment);
         let events = self.0.events();
         let until = events.partition_point(|(at, _)| *at <= moment);
         // Event numbers are places in the list, so the page can continue where it stopped.
-        let from = usize::try_from(from).unwrap_or(usize::MAX);
-        let from = from.max(until.saturating_sub(MAX_EVENTS)).min(until);
+        let from = until.saturating_sub(MAX_EVENTS);
         let shown = events.get(from..until).unwrap_or_default().iter();
         let numbered = (from as u64..).zip(shown);
         let numbered = numbered.filter_map(|(number, (at, entry))| Event::of(number, *at, entry));

@@ -298,8 +298,8 @@ impl Source for Rc<Shared> {
         self.core.borrow().bridge.map()
     }
 
-    fn events(&self, from: u64, _moment: Option<Duration>) -> Vec<Event> {
-        self.events.borrow().from(from).cloned().collect()
+    fn events(&self, _moment: Option<Duration>) -> Vec<Event> {
+        self.events.borrow().all().cloned().collect()
     }
 }
 

@@ -282,7 +282,7 @@ mod tests {
             Vec::new()
         }
 
-        fn events(&self, _from: u64, _moment: Option<Duration>) -> Vec<Event> {
+        fn events(&self, _moment: Option<Duration>) -> Vec<Event> {
             Vec::new()
         }
     }
@@ -503,8 +503,16 @@ mod tests {
                 Vec::new()
             }
 
-            fn events(&self, _from: u64, _moment: Option<Duration>) -> Vec<Event> {
-                Vec::new()
+            fn events(&self, _moment: Option<Duration>) -> Vec<Event> {
+                self.0.set(self.0.get() + 1);
+                let event = |number| Event {
+                    number,
+                    at_ms: 1,
+                    level: "info",
+                    about: "1b:00:00:01".to_owned(),
+                    text: "a text".to_owned(),
+                };
+                (7..10).map(event).collect()
             }
         }
         let mut kept = Kept::default();
@@ -530,6 +538,24 @@ mod tests {
         let before = asked.get();
         Query::Status(None, None, to).answer(&Counted(&asked), &mut kept);
         assert_eq!(asked.get(), before + 1);
+
+        // Of events each client gets those that it has not been sent, of one list.
+        let before = asked.get();
+        for (from, numbers) in [
+            (0, &[7_u64, 8, 9][..]),
+            (9, &[9]),
+            (10, &[]),
+            (u64::MAX, &[]),
+        ] {
+            let (to, mut answer) = tokio::sync::oneshot::channel();
+            Query::Events(from, None, to).answer(&Counted(&asked), &mut kept);
+            let body = answer.try_recv().expect("it is answered");
+            let all: serde_json::Value = serde_json::from_slice(&body).expect("JSON");
+            let each = all.as_array().expect("a list").iter();
+            let found: Vec<u64> = each.filter_map(|one| one["number"].as_u64()).collect();
+            assert_eq!(found, numbers, "from {from}");
+        }
+        assert!(asked.get() <= before + 2, "{}", asked.get());
     }
 
     /// Nobody keeps one of the few places by a header that never ends, however busily it is written.

@@ -15,6 +15,7 @@ use axum::routing::get;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::Instant;
 
+use super::events::Event;
 use super::metrics;
 use super::source::{PageInfo, Source};
 use super::tiles::{Tiles, TilesInfo};
@@ -59,8 +60,14 @@ impl Query {
                 let compose = |at: &Moment| json(&source.map(*at));
                 to.send(kept.map.get(moment(at), compose))
             }
-            Query::Events(from, at, to) => to.send(json(&source.events(from, at)).into()),
-            Query::Tracks(to) => to.send(json(&source.tracks()).into()),
+            Query::Events(from, at, to) => {
+                let at = moment(at);
+                to.send(kept.events.get(at, from, || source.events(at)))
+            }
+            Query::Tracks(to) => {
+                let compose = |(): &()| json(&source.tracks());
+                to.send(kept.tracks.get((), compose))
+            }
             Query::Metrics(to) => {
                 let compose = |(): &()| metrics::text(&source.status(None));
                 to.send(kept.metrics.get((), compose))
@@ -75,6 +82,8 @@ pub(super) struct Kept {
     pub(super) tiles: Option<TilesInfo>,
     status: Documents,
     map: Answer<Moment>,
+    events: EventLists,
+    tracks: Answer<()>,
     metrics: Answer<()>,
 }
 
@@ -141,6 +150,42 @@ impl ComposedStatus {
         let body = Bytes::from(body);
         self.bodies.push((details, body.clone()));
         body
+    }
+}
+
+/// The events that were composed last, each with its number: from whichever a client continues, its answer is a part of them.
+#[derive(Debug, Default)]
+struct EventLists(Option<ComposedEvents>);
+
+#[derive(Debug)]
+struct ComposedEvents {
+    of: Moment,
+    each: Vec<(u64, String)>,
+    until: Instant,
+}
+
+impl EventLists {
+    fn get(&mut self, at: Moment, from: u64, compose: impl FnOnce() -> Vec<Event>) -> Bytes {
+        let began = Instant::now();
+        let kept = self.0.take();
+        let kept = kept.filter(|kept| kept.of == at && began < kept.until);
+        let kept = kept.unwrap_or_else(|| {
+            let all = compose();
+            ComposedEvents {
+                of: at,
+                each: all.iter().map(|one| (one.number, json(one))).collect(),
+                until: began + KEPT.max(began.elapsed() * ONE_PART_IN),
+            }
+        });
+        self.0.insert(kept).since(from)
+    }
+}
+
+impl ComposedEvents {
+    fn since(&self, number: u64) -> Bytes {
+        let shown = self.each.iter().filter(|(one, _)| *one >= number);
+        let shown: Vec<&str> = shown.map(|(_, text)| text.as_str()).collect();
+        format!("[{}]", shown.join(",")).into()
     }
 }
 

@@ -18,8 +18,8 @@ pub trait Source {
     fn status(&self, moment: Option<Duration>) -> Status;
     /// What a map shows beside it.
     fn map(&self, moment: Option<Duration>) -> Vec<VehicleMap>;
-    /// What was logged of late, from this number on.
-    fn events(&self, from: u64, moment: Option<Duration>) -> Vec<Event>;
+    /// What was logged of late, the oldest first.
+    fn events(&self, moment: Option<Duration>) -> Vec<Event>;
     /// Where each vehicle was, by its id: of a recording alone.
     fn tracks(&self) -> Vec<(String, Vec<TrackPoint>)> {
         Vec::new()
