@@ -50,8 +50,8 @@ enumerations! {
     ContingencyState(u8) = "contingency_state", A, source "this project",
         description "what has become of a contingency" {
         None = 0 "nothing is flown for this cause";
-        Watched = 1 "the vehicle reports that the cause is not there";
-        Unreported = 2 "the vehicle does not report whether it is";
+        Watched = 1 "watched: the vehicle reports what the cause is judged by, and nothing is flown for it now";
+        Unreported = 2 "not watched: the vehicle does not report what the cause is judged by";
         Commanded = 3 "the cause is there: its action is being commanded, or waits for who has the vehicle";
         Flown = 4 "the cause is there, and the vehicle has shown the action";
         Ended = 5 "the cause is there, and a pilot or a CUCS has decided otherwise";
