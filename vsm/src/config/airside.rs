@@ -181,7 +181,7 @@ impl AirsideConfig {
     /// As [`AirsideConfig::load`].
     pub fn parse(text: &str, folder: &Path) -> Result<AirsideConfig, ConfigError> {
         let mut config: AirsideConfig =
-            toml::from_str(text).map_err(|cause| explain::explain(&cause, text, &[]))?;
+            toml::from_str(text).map_err(|cause| explain::explain::<Self>(&cause, text, &[]))?;
         config.check().map_err(|fault| fault.located(text, &[]))?;
         config.store.dir = folder.join(&config.store.dir);
         let agent = config.agent.get_mut();

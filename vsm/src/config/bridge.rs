@@ -370,8 +370,8 @@ impl Config {
     /// # Errors
     /// As [`Config::load`].
     pub fn parse(text: &str, folder: &Path) -> Result<Config, ConfigError> {
-        let mut config: Config =
-            toml::from_str(text).map_err(|cause| explain::explain(&cause, text, Config::KEYS))?;
+        let mut config: Config = toml::from_str(text)
+            .map_err(|cause| explain::explain::<Self>(&cause, text, Config::KEYS))?;
         let located = |fault: Fault| fault.located(text, Config::KEYS);
         config.vehicle = counted::expand(config.vehicle).map_err(located)?;
         config.check().map_err(located)?;

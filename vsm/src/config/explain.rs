@@ -6,6 +6,8 @@
 
 use std::ops::Range;
 
+use serde::de::DeserializeOwned;
+
 use super::error::{ConfigError, Fault};
 use super::key::Key;
 use super::key::WhenAbsent::{Nothing, Required, Table, Value, ValueOrTable};
@@ -110,8 +112,12 @@ fn is_key(text: &str) -> bool {
     letter && characters.all(|c| c.is_alphanumeric() || matches!(c, '_' | '-' | '.'))
 }
 
-/// Puts the parser's error into words. `keys` declares the tables of the file; empty where nothing does.
-pub(super) fn explain(cause: &toml::de::Error, text: &str, keys: &'static [Key]) -> ConfigError {
+/// Puts the parser's error of a `T` into words. `keys` declares the tables of the file; empty where nothing does.
+pub(super) fn explain<T: DeserializeOwned>(
+    cause: &toml::de::Error,
+    text: &str,
+    keys: &'static [Key],
+) -> ConfigError {
     let message = cause.message();
     let Range { start, end } = cause.span().unwrap_or(0..0);
     let place = Place::at(text, start);
@@ -171,6 +177,18 @@ pub(super) fn explain(cause: &toml::de::Error, text: &str, keys: &'static [Key])
     if elsewhere || path.is_empty() {
         return ConfigError::Syntax(cause.to_string().trim_end().into());
     }
+    if !syntax && message.starts_with(NO_TEXT) {
+        let found = shown(text.get(start..end).unwrap_or(place.value));
+        let choices = choices::<T>(text, start..end);
+        let expected = choices.map_or_else(
+            || "a text in quotes".to_owned(),
+            |choices| format!("a text in quotes, {choices}"),
+        );
+        return fault(
+            &path,
+            format!("is {found}{}", expectation(&expected, &path, keys)),
+        );
+    }
     if !syntax && !message.starts_with("invalid ") && !message.starts_with("unknown variant") {
         // The message is already one of our own.
         return fault(&path, format!("is refused: {message}"));
@@ -197,6 +215,19 @@ pub(super) fn explain(cause: &toml::de::Error, text: &str, keys: &'static [Key])
         &path,
         format!("is {}{}", shown(found), expectation(&expected, &path, keys)),
     )
+}
+
+/// How the parser begins where an enumeration is given something else than a text: it names neither the value nor the choices.
+const NO_TEXT: &str = "wanted ";
+
+/// The choices of the enumeration whose value stands there. The parser names them of a text that is none of them, so it is given one.
+fn choices<T: DeserializeOwned>(text: &str, at: Range<usize>) -> Option<String> {
+    let probe = [text.get(..at.start)?, "\"?\"", text.get(at.end..)?].concat();
+    let fault = toml::from_str::<T>(&probe).err()?;
+    let choices = fault
+        .message()
+        .strip_prefix("unknown variant `?`, expected ");
+    choices.map(str::to_owned)
 }
 
 impl Fault {

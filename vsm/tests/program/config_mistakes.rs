@@ -211,6 +211,40 @@ const MISTAKES: &[Mistake] = &[
         "true",
         &["line 22", "store.dir is true", "file or folder in quotes"],
     ),
+    // Words of which one is chosen, as something else.
+    (
+        "\"127.0.0.1:4586\"",
+        "\"127.0.0.1:4586\"\nprovisional = 4",
+        &[
+            "line 7",
+            "dli.provisional is 4",
+            "a text in quotes, one of `off`, `status`, `all`",
+            "such as: provisional = \"status\"",
+        ],
+    ),
+    (
+        "key_file = \"uav1.key\"",
+        "key_file = \"uav1.key\", exchange = true",
+        &[
+            "line 18",
+            "vehicle.signing.exchange is true",
+            "one of `off`, `on`, `legacy`",
+        ],
+    ),
+    (
+        "tolerance_m = 1.0",
+        "policy = [\"slow\"]",
+        &[
+            "line 19",
+            "vehicle.curve.policy is [\"slow\"]",
+            "a text in quotes, `slow` or `refuse`",
+        ],
+    ),
+    (
+        "tolerance_m = 1.0",
+        "policy = \"fast\"",
+        &["line 19", "vehicle.curve.policy is \"fast\"", "`refuse`"],
+    ),
     // Values out of range.
     (
         "system_id = 1 ",
@@ -342,7 +376,7 @@ fn each_mistake_is_answered_with_place_value_expectation_and_example() {
                 wrong.push(format!("{to:?} without {part:?}:\n  {answer}"));
             }
         }
-        for rust in ["u8", "f64", "struct ", "sequence", "invalid type"] {
+        for rust in ["u8", "f64", "struct ", "sequence", "invalid type", "wanted"] {
             if answer.contains(rust) {
                 wrong.push(format!("{to:?} with {rust:?}:\n  {answer}"));
             }
