@@ -68,7 +68,7 @@ table! {
         /// Its component id on both sides, 2 to 255. Towards the ground it is a component of the vehicle
         #[serde(default = "own_component")]
         pub component_id: u8 => Value("191"),
-        /// Its link id on both sides
+        /// Its link id on both sides, 0 to 255
         #[serde(default)]
         pub link_id: u8 => Value("0"),
     }
@@ -81,7 +81,7 @@ table! {
     pub struct Radio {
         /// Where the ground is: `udpin:ADDRESS:PORT`, `udpout:HOST:PORT` or `serial:DEVICE:BAUD`
         pub link: LinkAddress => Required,
-        /// Who may speak to PX4, the VSM first; 1 to 8
+        /// Who may speak to PX4, the VSM first; 1 to 8, with system ids that are neither the vehicle's nor the agent's
         #[serde(default = "vsm_alone")]
         pub talkers: Vec<Talker> => Value("[{ system_id = 245, component_id = 190 }]"),
         /// Whether all of the link is encrypted, as `encrypt` of the VSM's `[[vehicle]]`: nothing is taken or sent in the clear

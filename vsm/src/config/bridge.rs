@@ -294,10 +294,10 @@ table! {
         /// (16002)
         #[serde(deserialize_with = "silence")]
         pub warn_s: f64 => Value("3.0"),
-        /// Silence before another may take control, s
+        /// Silence before another may take control, s, 0.5 to 3600, and not below `warn_s`
         #[serde(deserialize_with = "silence")]
         pub offer_s: f64 => Value("5.0"),
-        /// Silence before control is taken away and `on_loss` is done, s
+        /// Silence before control is taken away and `on_loss` is done, s, 0.5 to 3600, and not below `offer_s`
         #[serde(deserialize_with = "silence")]
         pub act_s: f64 => Value("10.0"),
         /// What the vehicle is commanded at `act_s`: `"continue"` (nothing), `"hold"`, `"contingency"`, `"rtl"`
@@ -332,7 +332,7 @@ table! {
     pub struct Mavlink {
         /// MAVLink system id of the VSM, 1 to 255
         pub system_id: u8 => Value("245"),
-        /// MAVLink component id of the VSM
+        /// MAVLink component id of the VSM, 0 to 255
         pub component_id: u8 => Value("190"),
     }
 }

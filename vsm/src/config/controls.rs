@@ -17,8 +17,8 @@ table! {
     #[derive(Debug, Clone, PartialEq, Deserialize)]
     #[serde(deny_unknown_fields)]
     pub struct Controls {
-        /// Parameters that a CUCS is offered as controls, to build a screen of ([controls.md](../guide/controls.md)): names, `*`
-        /// for any characters. No other is written by 50011 then. Those by which PX4 defends itself (failsafes, geofence, arming
+        /// Parameters that a CUCS is offered as controls, to build a screen of ([controls.md](../guide/controls.md)): names
+        /// of 1 to 16 of A-Z, 0-9 and _, `*` for any characters. No other is written by 50011 then. Those by which PX4 defends itself (failsafes, geofence, arming
         /// checks, ports, signing), and those of the remote control's switches, of motors,
         /// calibration, estimator, quadchute and return, are none unless they are named in full
         #[serde(default)]

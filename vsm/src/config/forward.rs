@@ -46,10 +46,10 @@ table! {
         /// Whether it may also move the aircraft, or change what it will fly, while a CUCS holds LOI 4 or 5
         #[serde(default)]
         pub while_controlled: bool => Value("false"),
-        /// MAVLink system id of the ground station, 1 to 255
+        /// MAVLink system id of the ground station, 1 to 255, and neither `mavlink.system_id` nor a vehicle's
         #[serde(default = "ground_station")]
         pub system_id: u8 => Value("255"),
-        /// MAVLink signing link id of the VSM on this link; with `unsigned`, of what is signed for the vehicle: another than the vehicle's
+        /// MAVLink signing link id of the VSM on this link, 0 to 255; with `unsigned`, of what is signed for the vehicle: another than the vehicle's
         /// `link_id`
         #[serde(default)]
         pub link_id: u8 => Value("0"),

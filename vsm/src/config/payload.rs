@@ -18,10 +18,10 @@ table! {
         /// In a `[[vehicle.payload]]`, which together are all payload stations of the vehicle ([payload.md](../guide/payload.md)):
         /// its number, 1 to 32; the payload messages have a place for 1 to 16 only
         pub station: u8 => Required,
-        /// Its gimbal: the component id of a MAVLink gimbal (154, 171 to 175), or the device id 1 to 6 of one that the
-        /// autopilot drives
+        /// Its gimbal, 1 to 255: the component id of a MAVLink gimbal, such as 154 or 171, or the device id, 1 to 6, of one that
+        /// the autopilot drives
         pub gimbal: Option<u8> => Nothing("it has none"),
-        /// Component id of its camera, such as 100
+        /// Component id of its camera, 2 to 255, such as 100
         pub camera: Option<u8> => Nothing("it has none"),
     }
 }

@@ -92,6 +92,7 @@ mod tests {
     use std::collections::BTreeSet;
     use std::path::Path;
 
+    use super::super::explain;
     use super::*;
     use crate::config::{Config, ConfigError};
 
@@ -228,14 +229,28 @@ dir = \"state\"
     impl File {
         /// The file with a line more in a table.
         fn with(&self, table: &str, line: &str) -> String {
-            match table {
-                "vehicle.signing" => self.whole.replace("#signing", &format!(", {line}")),
-                table => self
-                    .whole
-                    .replace(&format!("#{table}\n"), &format!("{line}\n")),
-            }
-            .replace("#signing", "")
+            with_line(self.whole, table, line)
         }
+
+        /// The same, in place of the line that the table has for this key.
+        fn replaced(&self, table: &str, name: &str, line: &str) -> String {
+            let own = format!("{name} = ");
+            let end = self.whole.find(&format!("#{table}\n"));
+            let end = end.unwrap_or(self.whole.len());
+            let begin = self.whole[..end].rfind("\n[").unwrap_or_default();
+            let section = self.whole[begin..end].split_inclusive('\n');
+            let others: String = section.filter(|one| !one.starts_with(&own)).collect();
+            let whole = [&self.whole[..begin], &others, &self.whole[end..]].concat();
+            with_line(&whole, table, line)
+        }
+    }
+
+    fn with_line(whole: &str, table: &str, line: &str) -> String {
+        match table {
+            "vehicle.signing" => whole.replace("#signing", &format!(", {line}")),
+            table => whole.replace(&format!("#{table}\n"), &format!("{line}\n")),
+        }
+        .replace("#signing", "")
     }
 
     fn split(name: &str) -> (&str, &str) {
@@ -281,6 +296,74 @@ dir = \"state\"
             }
             assert_eq!(listed, known, "{table}");
         }
+    }
+
+    /// Keys whose bounds depend on another key of [`WHOLE`] or [`AGENT`]: only what is beyond them is tried.
+    const RELATED: &[&str] = &[
+        "vehicle.system_id",
+        "vehicle.count",
+        "vehicle.rally.altitude_m",
+        "forward.system_id",
+        "authority.warn_s",
+        "authority.offer_s",
+        "authority.act_s",
+        "mavlink.system_id",
+        "agent.system_id",
+    ];
+
+    #[test]
+    fn a_range_that_is_listed_is_the_one_that_the_parser_takes() {
+        let checked = FILES.iter().map(keeps_its_ranges).sum::<usize>();
+        assert!(checked > 30, "{checked}");
+    }
+
+    fn keeps_its_ranges(file: &File) -> usize {
+        let mut checked = 0;
+        for row in rows(file.keys) {
+            let example = explain::example_of(&row.name, file.keys).unwrap_or_default();
+            let (_, value) = example.split_once(" = ").unwrap_or_default();
+            let (Ok(_), Some((low, high))) = (value.parse::<f64>(), range(row.key.meaning)) else {
+                continue;
+            };
+            let whole = !value.contains('.');
+            let (table, name) = split(&row.name);
+            let parse = |number: f64| {
+                let line = match whole {
+                    true => format!("{name} = {number}"),
+                    false => format!("{name} = {number:?}"),
+                };
+                (file.parse)(&file.replaced(table, name, &line))
+            };
+            let step = |bound: f64| {
+                if whole {
+                    1.0
+                } else {
+                    0.01 * bound.abs().max(1.0)
+                }
+            };
+            for beyond in [low - step(low), high + step(high)] {
+                assert!(parse(beyond).is_err(), "{} = {beyond}", row.name);
+            }
+            for bound in [low, high] {
+                let taken = parse(bound);
+                let related = RELATED.contains(&&*row.name);
+                assert!(taken.is_ok() || related, "{}: {taken:?}", row.name);
+            }
+            checked += 1;
+        }
+        checked
+    }
+
+    /// The first `NUMBER to NUMBER` of a meaning.
+    fn range(meaning: &[&str]) -> Option<(f64, f64)> {
+        let text = meaning.join(" ");
+        let words: Vec<&str> = text.split_whitespace().collect();
+        let number = |word: &str| {
+            let word = word.trim_end_matches([',', ';', ':', '.', ')']);
+            word.parse::<f64>().ok()
+        };
+        let mut each = words.windows(3).filter(|three| three[1] == "to");
+        each.find_map(|three| number(three[0]).zip(number(three[2])))
     }
 
     #[test]

@@ -30,17 +30,17 @@ table! {
         /// Where its MAVLink is: `udpin:ADDRESS:PORT` bind and wait, `udpout:HOST:PORT`, `serial:DEVICE:BAUD`. Vehicles that
         /// differ in `system_id` may share one, each with a key of its own
         pub link: LinkAddress => Required,
-        /// MAVLink system id of the vehicle, 1 to 255
+        /// MAVLink system id of the vehicle, 1 to 255, and not `mavlink.system_id`
         pub system_id: u8 => Required,
         /// So many vehicles of this table, 1 to 255, on one link: `id`, `logical_id` and `system_id` are counted up from the ones given
         /// here, and `{n}` in `tail_number` and `signing.key_file` stands for the number of each, from 1. They share `rate_bps`
         pub count: Option<u8> => Nothing("one vehicle"),
-        /// Tail number for message 3, at most 15 characters
+        /// Tail number for message 3, at most 15 ASCII characters
         #[serde(default)]
         pub tail_number: String => Value("\"\""),
         /// `{ key_file = "FILE" }`, or `"off"`, which is logged and raised as a 16000 alert
         pub signing: Signing => ValueOrTable(SigningTable::KEYS),
-        /// MAVLink signing link id of the VSM on this link
+        /// MAVLink signing link id of the VSM on this link, 0 to 255
         #[serde(default)]
         pub link_id: u8 => Value("0"),
         /// MAVLink signing link id, 0 to 255, that the vehicle's autopilot uses on this link (PX4: the number of its MAVLink
@@ -180,11 +180,11 @@ table! {
     #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct Limits {
-        /// Farthest first waypoint from home, m
+        /// Farthest first waypoint from home, m, above 0
         pub first_m: f64 => Value("5000.0"),
-        /// Longest leg, m
+        /// Longest leg, m, above 0
         pub leg_m: f64 => Value("50000.0"),
-        /// Lowest waypoint, m above home; a negative one has an effect only with `below_home = true`
+        /// Lowest waypoint, m above home, below `highest_m`; a negative one has an effect only with `below_home = true`
         pub lowest_m: f64 => Value("-500.0"),
         /// Whether any part of a route, or a commanded altitude, may be below home, which is then bounded by `lowest_m`: for
         /// a flight into a valley ([mapping.md](../guide/mapping.md))
@@ -197,9 +197,9 @@ table! {
         /// Lowest place of a route, m above the terrain where `vehicle.terrain` covers it, -500 to 1000: what elevation files are
         /// off by belongs into it (SRTM: up to 16 m); a negative one allows a route below their ground
         pub above_terrain_m: f64 => Value("0.0"),
-        /// Fastest commanded speed, m/s; the vehicle's own limit (MPC_XY_VEL_MAX, FW_AIRSPD_MAX) applies where it is lower
+        /// Fastest commanded speed, m/s, above 0; the vehicle's own limit (MPC_XY_VEL_MAX, FW_AIRSPD_MAX) applies where it is lower
         pub speed_m_s: f64 => Value("100.0"),
-        /// Lowest transition of a VTOL, m above home; VT_FW_MIN_ALT applies where it is higher
+        /// Lowest transition of a VTOL, m above home, above 0; VT_FW_MIN_ALT applies where it is higher
         pub transition_m: f64 => Value("20.0"),
     }
 }
@@ -249,12 +249,12 @@ table! {
         /// Landing pattern of a fixed wing or VTOL: the course of its final approach, degrees clockwise from true north, 0
         /// to 360 ([wings.md](../guide/wings.md))
         pub course_deg: f64 => Required,
-        /// Height of its loiter, m above home, above 0 to 500
+        /// Height of its loiter, m above home, 1 to 500
         #[serde(default = "Landing::default_height_m")]
         pub height_m: f64 => Value("50.0"),
-        /// Slope of the glide of a fixed wing, degrees, above 0 to 45; at most the vehicle's FW_LND_ANG
+        /// Slope of the glide of a fixed wing, degrees, 0.5 to 45; at most the vehicle's FW_LND_ANG
         pub glide_deg: Option<f64> => Nothing("FW_LND_ANG of the vehicle"),
-        /// Radius of its loiter, m, -1000 to 1000; negative is counter-clockwise
+        /// Radius of its loiter, m, 10 to 1000, or -10 to -1000, which is counter-clockwise
         pub radius_m: Option<f64> => Nothing("NAV_LOITER_RAD of the vehicle"),
         /// Touch-down: degrees north and east
         pub place: Option<[f64; 2]> => Nothing("home"),
@@ -326,12 +326,13 @@ table! {
     pub struct Area {
         /// In an area of the geofence, always aboard: `"in"` the vehicle stays inside, `"out"` outside
         pub keep: Keep => Required,
-        /// Corners of a polygon in turn, degrees north and east, 3 to 64; or a circle:
+        /// Corners of a polygon in turn, degrees north and east, 3 to 64, and those of all areas together at most 64, each circle counted
+        /// as one; or a circle:
         #[serde(default)]
         pub vertices: Vec<[f64; 2]> => Nothing("none"),
         /// Centre of a circle: degrees north and east
         pub centre: Option<[f64; 2]> => Nothing("none"),
-        /// Radius of the circle, above 0 to 100000 m
+        /// Radius of the circle, m, above 0, at most 100000
         pub radius_m: Option<f64> => Nothing("none"),
     }
 }
