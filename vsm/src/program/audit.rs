@@ -113,12 +113,12 @@ fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
 
 fn export(path: &Path, only: Option<Id>, format: Format) -> Result<(), Failure> {
     let config = Config::load(path).map_err(bad)?;
+    let vehicles = chosen(&config, only)?;
     let disk = open(&config)?;
     if format == Format::Csv {
         print(&(COLUMNS.join(",") + "\n"))?;
     }
-    let vehicles = config.vehicles().map(|vehicle| vehicle.id);
-    for vehicle in vehicles.filter(|id| only.is_none_or(|only| only == *id)) {
+    for vehicle in vehicles {
         for kind in AuditKind::ALL {
             for (_, file) in kind.files(vehicle) {
                 let bytes = disk.read(&file, u64::MAX).map_err(failed)?;
@@ -131,6 +131,22 @@ fn export(path: &Path, only: Option<Id>, format: Format) -> Result<(), Failure> 
         }
     }
     Ok(())
+}
+
+/// The vehicles whose logs are meant. No line of a vehicle that there is not would look as if nothing had happened to it.
+fn chosen(config: &Config, only: Option<Id>) -> Result<Vec<Id>, Failure> {
+    let all: Vec<Id> = config.vehicles().map(|vehicle| vehicle.id).collect();
+    match only {
+        None => Ok(all),
+        Some(one) if all.contains(&one) => Ok(vec![one]),
+        Some(other) => {
+            let names: Vec<String> = all.iter().map(Id::to_string).collect();
+            Err(bad(anyhow!(
+                "vehicle {other} is not in the configuration, expected one of its vehicles: {}",
+                names.join(", ")
+            )))
+        }
+    }
 }
 
 /// A line as an object that also names its log and its digits; none of what a crash has cut off.

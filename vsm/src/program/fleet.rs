@@ -68,13 +68,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         Action::Drain { node, .. } => {
             let fleet = operator.fleet().map_err(failed)?;
-            let known = fleet.nodes.iter().any(|one| one.name == *node);
-            if !known {
-                return Err(bad(anyhow!(
-                    "no node {node:?} takes part: {}",
-                    readable(&fleet).trim_end()
-                )));
-            }
+            takes_part(&fleet, node)?;
             operator.drain(node).map_err(failed)?;
             if fleet.owner.as_ref() == Some(node) {
                 if !taken_over(&operator, node, lease)? {
@@ -91,6 +85,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             Ok(())
         }
         Action::Resume { node, .. } => {
+            takes_part(&operator.fleet().map_err(failed)?, node)?;
             operator.resume(node).map_err(failed)?;
             print_line(&format!("{node} may serve again"));
             Ok(())
@@ -124,6 +119,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             end_of_move(&owner, lease, moved)
         }
     }
+}
+
+/// Refuses a name that is none of the fleet's: an order to it would change nothing, and the node that is meant would stay as it is.
+fn takes_part(fleet: &Fleet, node: &str) -> Result<(), Failure> {
+    if fleet.nodes.iter().any(|one| one.name == node) {
+        return Ok(());
+    }
+    let names: Vec<&str> = fleet.nodes.iter().map(|one| one.name.as_str()).collect();
+    let expected = match &names[..] {
+        [] => "none does: `vsm run` on its computer makes one take part".to_owned(),
+        names => format!("expected one of {}", names.join(", ")),
+    };
+    Err(bad(anyhow!(
+        "--node {node}: no such node takes part, {expected}"
+    )))
 }
 
 fn open(config: &ConfigArg) -> Result<(Operator, Duration), Failure> {
@@ -203,6 +213,30 @@ const LOOK_AGAIN: Duration = Duration::from_millis(100);
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shell::fleet::operator::FleetNode;
+
+    #[test]
+    fn an_order_to_a_node_that_does_not_take_part_is_refused_with_those_that_do() {
+        let node = |name: &str| FleetNode {
+            name: name.to_owned(),
+            present: false,
+            drained: true,
+        };
+        let mut fleet = Fleet {
+            owner: None,
+            epoch: 1,
+            since: None,
+            nodes: vec![node("alpha"), node("beta")],
+        };
+        assert!(takes_part(&fleet, "beta").is_ok());
+        let refused = |fleet: &Fleet| match takes_part(fleet, "gamma") {
+            Err(Failure::Bad(fault)) => format!("{fault:#}"),
+            _ => panic!("it is refused as a usage error"),
+        };
+        assert!(refused(&fleet).ends_with("expected one of alpha, beta"));
+        fleet.nodes.clear();
+        assert!(refused(&fleet).contains("none does"));
+    }
 
     #[test]
     fn a_move_that_nobody_follows_ends_with_the_state_of_the_node() {

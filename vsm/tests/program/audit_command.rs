@@ -3,7 +3,7 @@
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output};
 use std::time::Duration;
 
 use kit::process::program;
@@ -42,11 +42,15 @@ fn start(folder: &Path) {
     Bridge::new(&config, vec![end], now, Duration::ZERO, &mut disk).unwrap();
 }
 
-/// Its exit status, and what it prints.
-fn audit(folder: &Path, arguments: &[&str]) -> (i32, String) {
+fn done(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(program("vsm"));
     command.arg("audit").args(arguments).arg("--config");
-    let done = command.arg(folder.join("vsm.toml")).output().unwrap();
+    command.arg(folder.join("vsm.toml")).output().unwrap()
+}
+
+/// Its exit status, and what it prints.
+fn audit(folder: &Path, arguments: &[&str]) -> (i32, String) {
+    let done = done(folder, arguments);
     let text = String::from_utf8(done.stdout).unwrap();
     (done.status.code().unwrap(), text)
 }
@@ -92,6 +96,16 @@ fn the_audit_logs_are_verified_and_printed() {
     );
     assert!(csv.starts_with("log,line,time_ms,vehicle,what,"), "{csv}");
     assert_eq!(csv.lines().count(), 4);
+    // Of a vehicle that there is not nothing is printed, not even a head.
+    let other = ["export", "--format", "csv", "--vehicle", "1b:00:01:77"];
+    let other = done(folder, &other);
+    let text = String::from_utf8_lossy(&other.stderr);
+    assert_eq!((other.status.code(), other.stdout.len()), (Some(2), 0));
+    assert!(
+        text.contains("1b:00:01:77 is not in the configuration")
+            && text.contains("its vehicles: 1b:00:01:01"),
+        "{text}"
+    );
 
     // An older copy of the log, then of the whole folder: the latter is known by a head that was kept elsewhere.
     fs::write(folder.join(log), &earlier).unwrap();
