@@ -63,6 +63,7 @@ def main():
     refused("header", lambda: dli.decode(b""))
     refused("has no field", lambda: dli.encode({**heartbeat, "fields": {"Time": 1}}))
     refused("unknown message type 2009", lambda: dli.encode({**heartbeat, "id": 2009}))
+    refused('unknown key "acknowledge"', lambda: dli.encode({**heartbeat, "acknowledge": True}))
     refused("is missing", lambda: dli.encode({"id": 42, "idd": "2.5", "fields": {}}))
     refused("the text 'NaN'", lambda: dli.encode({**heartbeat, "x": float("nan")}))
     refused("edition '5'", lambda: dli.messages("5"))

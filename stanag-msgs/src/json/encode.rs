@@ -11,12 +11,26 @@ use crate::table::{self, MessageInfo};
 use crate::wrapper::{self, ChecksumStyle, Envelope, Header, MAX_DATAGRAM};
 
 const IDD: (i64, i64) = (Header::IDD_ED3 as i64, Header::IDD_ED4 as i64);
+/// The keys of a message of Edition 3 or 4, as a decoded one has them.
+const KEYS: &[&str] = &[
+    "id",
+    "name",
+    "source",
+    "destination",
+    "ack",
+    "idd",
+    "checksum",
+    "fields",
+];
+/// The keys of a message of Edition 2.5.
+const KEYS_ED25: &[&str] = &["id", "name", "idd", "instance", "fields"];
 
 /// The message of a JSON object, in hexadecimal.
 ///
 /// `id`, `source`, `destination` and `fields` are required; by default `ack` is false, `idd` 32 and
-/// `checksum` 0. `source` and `destination` may also be texts as `1b:00:00:01`. `name` and unknown
-/// keys are ignored. With a text as `idd` it is a message of Edition 2.5, which needs `id` and `fields` only.
+/// `checksum` 0. `source` and `destination` may also be texts as `1b:00:00:01`. `name` is
+/// ignored; another key is an error, so that a misspelt `ack` does not become a message without one. With a text as `idd` it is
+/// a message of Edition 2.5, which needs `id` and `fields` only, and may have `instance`.
 ///
 /// # Errors
 /// The line is not JSON, or not a message of the table with fields and values that it allows.
@@ -52,6 +66,7 @@ fn encode_later(
     raw: bool,
     out: &mut [u8],
 ) -> Result<usize, JsonError> {
+    known(object, KEYS)?;
     let id = integer(object, "id", (0, 0xFFFF))? as u16;
     let message = table::message(id).ok_or(JsonError::UnknownMessage { id })?;
     let envelope = Envelope {
@@ -95,6 +110,7 @@ fn encode_ed25(
             "30 to 32, or \"2.5\", \"7\", \"8\" or \"9\"",
         )
     })?;
+    known(object, KEYS_ED25)?;
     let id = integer(object, "id", (0, 0xFFFF))? as u16;
     let header = ed25::Header {
         version,
@@ -131,6 +147,14 @@ pub enum JsonError {
     Missing {
         /// The key.
         key: &'static str,
+    },
+    /// A message has no such key.
+    #[error("unknown key {key:?}, expected only {}", known.join(", "))]
+    UnknownKey {
+        /// The key.
+        key: String,
+        /// The keys that a message of this edition has.
+        known: &'static [&'static str],
     },
     /// A value is of the wrong kind.
     #[error("{place}: {found}, expected {expected}")]
@@ -204,6 +228,17 @@ impl JsonError {
             high,
             unit,
         }
+    }
+}
+
+/// Checks that a message has no other keys than these.
+fn known(object: &Map<String, Value>, keys: &'static [&'static str]) -> Result<(), JsonError> {
+    match object.keys().find(|key| !keys.contains(&key.as_str())) {
+        None => Ok(()),
+        Some(key) => Err(JsonError::UnknownKey {
+            key: key.clone(),
+            known: keys,
+        }),
     }
 }
 

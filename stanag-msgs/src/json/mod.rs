@@ -12,7 +12,7 @@
 //! ```
 //!
 //! A message is `{"id", "name", "source", "destination", "ack", "idd", "checksum", "fields"}`; the
-//! fields are named as in the table, and only those present are listed.
+//! fields are named as in the table, and only those present are listed. A message to encode that has another key is refused.
 //!
 //! A message of Edition 2.5 is `{"id", "name", "idd", "instance", "fields"}`: `idd` is the text of its wrapper (`"2.5"`), and
 //! sender and receiver are among the fields. All fields must be given, but for a raw one: there a field left out is sent as

@@ -256,6 +256,23 @@ fn encode_errors_name_what_was_expected() {
         json!(12)
     );
 
+    // A misspelt or foreign key is no message without it.
+    let known = "id, name, source, destination, ack, idd, checksum, fields";
+    for (key, value) in [
+        ("Ack", json!(true)),
+        ("destinaton", json!("1b:00:01:01")),
+        ("instance", json!(1)),
+        ("wire", json!("00")),
+    ] {
+        let refused = format!("unknown key {key:?}, expected only {known}");
+        assert_eq!(with(key, value), refused);
+    }
+    let of_ed25 = json!({ "id": 1, "idd": "2.5", "source": 1, "fields": {} });
+    assert_eq!(
+        refuse(&of_ed25, true),
+        "unknown key \"source\", expected only id, name, idd, instance, fields"
+    );
+
     let field =
         |name: &str, value: Value, raw: bool| refuse(&message(13002, json!({ name: value })), raw);
     assert_eq!(

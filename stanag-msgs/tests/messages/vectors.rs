@@ -71,7 +71,8 @@ fn check(vector: &str) -> Result<(), Mismatch> {
         });
     };
 
-    differ("JSON to wire", encode_line(vector, true)?.as_str(), wire)?;
+    let encoded = encode_line(&expected.to_string(), true)?;
+    differ("JSON to wire", encoded.as_str(), wire)?;
 
     let mut decoded = decode_line(wire, true);
     for value in &mut decoded {
