@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use curve_paths::flight::{Airframe, FlightPlan, Flown, NotFlyable, Policy, measure, plan_flight};
+use curve_paths::flight::{Airframe, FlightPlan, Flown, Policy, measure, plan_flight};
 use curve_paths::{Densified, Leg, Position};
 use serde_json::json;
 
@@ -47,6 +47,7 @@ pub(crate) struct Command {
         long,
         value_name = "M/S",
         default_value_t = 5.0,
+        value_parser = speed,
         allow_negative_numbers = true
     )]
     speed: f64,
@@ -100,12 +101,8 @@ impl Command {
         } else {
             Policy::Refuse
         };
-        let plan = plan_flight(&loaded.legs, &densified, &airframe, self.speed, policy).map_err(
-            |fault| match fault {
-                NotFlyable::Speed { .. } => Failure::Usage(format!("--{fault}")),
-                _ => Failure::answer(&self.file, fault),
-            },
-        )?;
+        let plan = plan_flight(&loaded.legs, &densified, &airframe, self.speed, policy)
+            .map_err(|fault| Failure::answer(&self.file, fault))?;
         let misread = misread(&loaded.legs, tolerance_m);
         let flown = self
             .flown
@@ -258,6 +255,13 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x > 0.0 && x <= 100.0 => Ok(x),
         _ => Err("expected more than 0 and at most 100".into()),
+    }
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x > 0.0 && x <= 200.0 => Ok(x),
+        _ => Err("expected more than 0 and at most 200 m/s".into()),
     }
 }
 

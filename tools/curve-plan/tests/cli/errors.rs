@@ -146,7 +146,7 @@ fn mistakes_of_units_and_kinds_of_files_are_answered_in_words() {
             "--home",
             "47.4,8.5,400",
         ],
-        "speed is -5 m/s, expected more than 0",
+        "'-5' for '--speed <M/S>': expected more than 0 and at most 200 m/s",
     );
 }
 
@@ -154,8 +154,7 @@ fn mistakes_of_units_and_kinds_of_files_are_answered_in_words() {
 fn a_tolerance_or_a_speed_that_is_none_is_a_wrong_command_line() {
     let files = Files::new();
     files.done(&["densify", "route.toml", "track.csv"]);
-    let home = ["--home", "47.4,8.5,400"];
-    let cases: [(&[&str], &str, &[&str]); 5] = [
+    let cases: [(&[&str], &str, &[&str]); 4] = [
         (
             &["fit", "track.csv"],
             "--tolerance",
@@ -176,11 +175,6 @@ fn a_tolerance_or_a_speed_that_is_none_is_a_wrong_command_line() {
             "--tolerance",
             &["nan", "0"],
         ),
-        (
-            &["check", "route.toml", home[0], home[1]],
-            "--speed",
-            &["nan", "0", "-5"],
-        ),
     ];
     for (command, option, wrong) in cases {
         for value in wrong {
@@ -192,4 +186,17 @@ fn a_tolerance_or_a_speed_that_is_none_is_a_wrong_command_line() {
             );
         }
     }
+    // Before the route is looked at: one that is below its home is no answer to a speed that is none.
+    for home in ["47.4,8.5,400", "47.4,8.5,4000"] {
+        for value in ["nan", "0", "-5", "201", "inf", "fast"] {
+            let wrong = ["check", "route.toml", "--home", home, "--speed", value];
+            let (status, printed) = files.refused(&wrong);
+            assert!(
+                status == 2 && printed.contains("--speed <M/S>"),
+                "{value}: {printed}"
+            );
+        }
+    }
+    let below = ["check", "route.toml", "--home", "47.4,8.5,4000"];
+    assert_eq!(files.refused(&below).0, 1);
 }
