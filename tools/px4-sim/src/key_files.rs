@@ -46,19 +46,38 @@ pub fn read_key_file(path: &Path) -> Result<SigningKey, KeyFileError> {
             "mode {mode:04o} lets other users in; expected 0600"
         )));
     }
-    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    let text = std::fs::read_to_string(path).map_err(|cause| match cause.kind() {
+        io::ErrorKind::InvalidData => {
+            fault("not text, expected 32 bytes in hex; PX4's own file is for --signing-file".into())
+        }
+        _ => unreadable(cause),
+    })?;
     SigningKey::from_hex(text.trim_end()).map_err(|cause| fault(cause.to_string()))
 }
 
 /// Key and timestamp as PX4 reads them at its start; signing is off where the file is missing, short or zero.
 ///
 /// # Errors
-/// The file exists and cannot be read.
+/// The file exists and cannot be read, or is none that PX4 writes, not even in part: it would be overwritten with the
+/// first key. Or it cannot be written, because its folder does not exist.
 pub(crate) fn read_px4_key(path: &Path) -> io::Result<Signing> {
     let bytes = match std::fs::read(path) {
-        Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(Signing::off()),
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound => {
+            let folder = path.parent().filter(|it| !it.as_os_str().is_empty());
+            return match folder {
+                Some(folder) if !folder.is_dir() => Err(io::Error::new(
+                    cause.kind(),
+                    format!("no folder {}: a key would be lost", folder.display()),
+                )),
+                _ => Ok(Signing::off()),
+            };
+        }
         read => read?,
     };
+    if let Some(found) = foreign(&bytes) {
+        let expected = format!("{found}, expected the {PX4_LEN} bytes that PX4 writes, or no file");
+        return Err(io::Error::new(io::ErrorKind::InvalidData, expected));
+    }
     let (Some(key), Some(stamp)) = (bytes.first_chunk::<32>(), bytes.last_chunk::<8>()) else {
         return Ok(Signing::off());
     };
@@ -67,6 +86,26 @@ pub(crate) fn read_px4_key(path: &Path) -> io::Result<Signing> {
     }
     let key = SigningKey::new_allowing_zero(*key);
     Ok(Signing::with_key(key, u64::from_le_bytes(*stamp)))
+}
+
+/// What a file is that PX4 has not written, also not before a power cut.
+fn foreign(bytes: &[u8]) -> Option<String> {
+    let text = bytes.trim_ascii();
+    // A key with its stamp is no text: the upper bytes of a stamp are zero.
+    if !text.is_empty()
+        && text
+            .iter()
+            .all(|byte| byte.is_ascii_graphic() || byte.is_ascii_whitespace())
+    {
+        let hex = text.iter().all(u8::is_ascii_hexdigit);
+        let kind = if hex {
+            "hex digits, as --key-file has them"
+        } else {
+            "text"
+        };
+        return Some(kind.to_owned());
+    }
+    (bytes.len() > PX4_LEN).then(|| format!("{} bytes", bytes.len()))
 }
 
 /// Writes the key as the real PX4 does: truncated in place and not synchronised, so that a power cut leaves an empty

@@ -46,7 +46,7 @@ pub use mavlink_link::service::param::Value;
 pub use payload::PayloadTruth;
 pub use physics::motion::{Geodetic, LocalFrame, Ned};
 pub use physics::vtol::VtolState;
-pub use services::files::Files;
+pub use services::files::{Files, Loaded};
 pub use simulator::{Counters, Simulator, SimulatorConfig, SimulatorError};
 pub use vehicle::actions::Actions;
 pub use vehicle::ground::GroundGrid;

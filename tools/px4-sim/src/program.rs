@@ -69,8 +69,8 @@ struct Arguments {
     /// Steady wind, m/s toward north and east.
     #[arg(long, value_name = "NORTH,EAST", default_value = "0,0", value_parser = wind, allow_hyphen_values = true)]
     wind: (f64, f64),
-    /// Folder whose contents are the root of the vehicle's card, served by MAVLink FTP; it is read at the start, and never
-    /// written to.
+    /// Folder whose contents are the root of the vehicle's files, served by MAVLink FTP to everybody on the link: its
+    /// fs/microsd/log has the logs. It is read at the start, and never written to.
     #[arg(long, value_name = "DIR")]
     files: Option<PathBuf>,
 }
@@ -97,11 +97,11 @@ pub fn main() -> ExitCode {
         Err(error) => return fail(2, &error),
     };
     let mut files = Files::default();
-    if let Some(folder) = &arguments.files
-        && let Err(error) = files.load(folder)
-    {
-        return fail(2, &format!("--files {}: {error}", folder.display()));
-    }
+    let served = match arguments.files.as_deref().map(|folder| files.load(folder)) {
+        None => String::new(),
+        Some(Ok(loaded)) => format!(", serves {loaded}"),
+        Some(Err(error)) => return fail(2, &format!("--files: {error}")),
+    };
     let config = SimulatorConfig {
         vehicle: Config {
             files,
@@ -134,10 +134,11 @@ pub fn main() -> ExitCode {
         Ok(runtime) => runtime,
         Err(error) => return fail(1, &error),
     };
-    runtime.block_on(serve(config))
+    runtime.block_on(serve(config, &served))
 }
 
-async fn serve(config: SimulatorConfig) -> ExitCode {
+/// Runs the simulator. `served` ends the line that says what it is.
+async fn serve(config: SimulatorConfig, served: &str) -> ExitCode {
     let signals = || -> std::io::Result<_> {
         let kinds = [
             SignalKind::terminate(),
@@ -153,7 +154,7 @@ async fn serve(config: SimulatorConfig) -> ExitCode {
         Err(error) => return fail(1, &error),
     };
     let about = format!(
-        "px4-sim ready: system {}, {}, {}, {}x",
+        "px4-sim ready: system {}, {}, {}, {}x{served}",
         config.vehicle.system_id,
         config
             .links
@@ -170,7 +171,11 @@ async fn serve(config: SimulatorConfig) -> ExitCode {
     );
     let simulator = match Simulator::spawn(config).await {
         Ok(simulator) => simulator,
-        Err(error @ (SimulatorError::Speed(_) | SimulatorError::NoLink)) => return fail(2, &error),
+        Err(
+            error @ (SimulatorError::Speed(_)
+            | SimulatorError::NoLink
+            | SimulatorError::SigningFile { .. }),
+        ) => return fail(2, &error),
         Err(error) => return fail(1, &error),
     };
     report(&about);

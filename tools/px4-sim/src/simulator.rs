@@ -68,12 +68,12 @@ pub enum SimulatorError {
     /// The speed is out of range.
     #[error("speed {0}: expected 0.01 to 100")]
     Speed(f64),
-    /// The signing file cannot be read.
+    /// The signing file cannot be used.
     #[error("signing file {}: {source}", path.display())]
     SigningFile {
         /// The file.
         path: PathBuf,
-        /// The system's error.
+        /// The system's error, or what the file holds and what was expected.
         source: std::io::Error,
     },
     /// No link was given.
@@ -121,7 +121,7 @@ impl Simulator {
     /// Binds the sockets and starts, on the present tokio runtime.
     ///
     /// # Errors
-    /// A socket cannot be bound, the signing file cannot be read, or the configuration is invalid.
+    /// A socket cannot be bound, the signing file cannot be used, or the configuration is invalid.
     pub async fn spawn(config: SimulatorConfig) -> Result<Self, SimulatorError> {
         if !(0.01..=100.0).contains(&config.speed) {
             return Err(SimulatorError::Speed(config.speed));

@@ -1,8 +1,10 @@
 //! The vehicle's card: files and folders in memory, as a flight board has them under `/fs/microsd`.
 
 use std::collections::BTreeMap;
-use std::io;
-use std::path::Path;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::path::{Path, PathBuf};
 
 /// Files and folders by their absolute paths.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -55,24 +57,50 @@ impl Files {
     }
 
     /// Copies the contents of a folder of this computer to the root of the card: `fs/microsd/log/a.ulg` becomes
-    /// `/fs/microsd/log/a.ulg`. Nothing is ever written back.
+    /// `/fs/microsd/log/a.ulg`. Nothing is ever written back. Links and devices are left out.
     ///
     /// # Errors
-    /// The error of the file system.
-    pub fn load(&mut self, folder: &Path) -> io::Result<()> {
-        self.load_below(folder, "/")
+    /// The error of the file system, with the path; the folder is the root of this computer; or there is more than a card
+    /// in memory holds, 1 GB.
+    pub fn load(&mut self, folder: &Path) -> io::Result<Loaded> {
+        let mut loaded = Loaded {
+            folder: folder.to_owned(),
+            names: Vec::new(),
+            files: 0,
+            bytes: 0,
+            left_out: 0,
+        };
+        let canonical = folder.canonicalize().map_err(|cause| at(folder, &cause))?;
+        if canonical.parent().is_none() {
+            let cause = "all files of this computer, expected a folder made for the vehicle's";
+            return Err(at(folder, &io::Error::other(cause)));
+        }
+        self.load_below(folder, "/", &mut loaded)?;
+        loaded.names.sort();
+        Ok(loaded)
     }
 
-    fn load_below(&mut self, folder: &Path, at: &str) -> io::Result<()> {
-        for entry in std::fs::read_dir(folder)? {
-            let entry = entry?;
-            let path = format!("{at}{}", entry.file_name().to_string_lossy());
-            let kind = entry.file_type()?;
+    fn load_below(&mut self, folder: &Path, root: &str, loaded: &mut Loaded) -> io::Result<()> {
+        for entry in std::fs::read_dir(folder).map_err(|cause| at(folder, &cause))? {
+            let entry = entry.map_err(|cause| at(folder, &cause))?;
+            let from = entry.path();
+            let path = format!("{root}{}", entry.file_name().to_string_lossy());
+            let kind = entry.file_type().map_err(|cause| at(&from, &cause))?;
             if kind.is_dir() {
                 self.make_folders(&path);
-                self.load_below(&entry.path(), &format!("{path}/"))?;
+                self.load_below(&from, &format!("{path}/"), loaded)?;
             } else if kind.is_file() {
-                self.insert(&path, std::fs::read(entry.path())?);
+                let content =
+                    read(&from, LOADED - loaded.bytes).map_err(|cause| at(&from, &cause))?;
+                loaded.files += 1;
+                loaded.bytes += content.len() as u64;
+                self.insert(&path, content);
+            } else {
+                loaded.left_out += 1;
+                continue;
+            }
+            if root == "/" {
+                loaded.names.push(path);
             }
         }
         Ok(())
@@ -202,6 +230,58 @@ impl Files {
     }
 }
 
+/// What was copied to the card.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Loaded {
+    /// The folder of this computer.
+    pub folder: PathBuf,
+    /// The paths that its files and folders have on the card.
+    pub names: Vec<String>,
+    /// How many files, those in folders included.
+    pub files: usize,
+    /// How many bytes they have.
+    pub bytes: u64,
+    /// How many links and devices are not among them.
+    pub left_out: usize,
+}
+
+impl fmt::Display for Loaded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (folder, shown) = (self.folder.display(), self.names.len().min(NAMES));
+        let kinds = if self.files == 1 { "file" } else { "files" };
+        write!(
+            f,
+            "{} {kinds} of {folder}, {} bytes",
+            self.files, self.bytes
+        )?;
+        if shown > 0 {
+            write!(f, ", as {}", self.names[..shown].join(", "))?;
+        }
+        if shown < self.names.len() {
+            write!(f, " and {} more", self.names.len() - shown)?;
+        }
+        if self.left_out > 0 {
+            write!(f, ", {} left out: links, devices", self.left_out)?;
+        }
+        Ok(())
+    }
+}
+
+/// The content of a file of this computer. One that says it is empty may have content, as those of the kernel do.
+fn read(file: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let mut content = Vec::new();
+    File::open(file)?.take(most + 1).read_to_end(&mut content)?;
+    if content.len() as u64 > most {
+        let cause = format!("over {} MB with it, expected less", LOADED / 1_000_000);
+        return Err(io::Error::other(cause));
+    }
+    Ok(content)
+}
+
+fn at(path: &Path, cause: &io::Error) -> io::Error {
+    io::Error::new(cause.kind(), format!("{}: {cause}", path.display()))
+}
+
 /// The path with one slash at its beginning, and one between two parts.
 fn normal(path: &str) -> String {
     let parts = path
@@ -222,5 +302,9 @@ fn parent(path: &str) -> &str {
 pub(super) const ROOT: &str = "/fs/microsd";
 /// The path for `@MAV_LOG`.
 pub(super) const LOGS: &str = "/fs/microsd/log";
+/// Bytes of a folder of this computer beyond which it is not copied: it would be kept in memory.
+const LOADED: u64 = 1_000_000_000;
+/// Names at the root of the card that are listed of a folder.
+const NAMES: usize = 5;
 /// Bytes of one file beyond which the card is full.
 const CARD: usize = 64 * 1024 * 1024;

@@ -196,6 +196,14 @@ fn bad_arguments_and_key_files_are_status_2() {
     let open = key("open.key", &"0a".repeat(32), 0o640);
     let short = key("short.key", "0a0a", 0o600);
     let missing = directory.join("missing.key").to_string_lossy().into_owned();
+    let hex = key("px4.hex", &"0a".repeat(32), 0o600);
+    let text = key("notes.txt", "The key is in the safe.\n", 0o600);
+    let long = key("long.bin", &"\0".repeat(41), 0o600);
+    let nowhere = directory.join("nowhere/px4.bin");
+    let nowhere = nowhere.to_string_lossy().into_owned();
+    let binary = directory.join("px4.bin").to_string_lossy().into_owned();
+    std::fs::write(&binary, [0xff; 40]).unwrap();
+    std::fs::set_permissions(&binary, std::fs::Permissions::from_mode(0o600)).unwrap();
     let link = ["--link", "udpin:127.0.0.1:0"];
     for (arguments, expected) in [
         (vec!["--link", "tcp:1.2.3.4:5"], "udpin:HOST:PORT"),
@@ -209,6 +217,35 @@ fn bad_arguments_and_key_files_are_status_2() {
         (vec![link[0], link[1], "--home", "91,0,0"], "-90 to 90"),
         (vec![link[0], link[1], "--speed", "0"], "0.01 to 100"),
         (vec![], "--link"),
+        // A key in hex, or another file, is none of PX4's: it would be overwritten with the first key.
+        (
+            vec![link[0], link[1], "--signing-file", &hex],
+            "as --key-file has them, expected the 40 bytes that PX4 writes",
+        ),
+        (
+            vec![link[0], link[1], "--signing-file", &text],
+            "notes.txt: text, expected the 40 bytes",
+        ),
+        (
+            vec![link[0], link[1], "--signing-file", &long],
+            "long.bin: 41 bytes, expected the 40",
+        ),
+        (
+            vec![link[0], link[1], "--signing-file", &nowhere],
+            "nowhere: a key would be lost",
+        ),
+        (
+            vec![link[0], link[1], "--key-file", &binary],
+            "PX4's own file is for --signing-file",
+        ),
+        (
+            vec![link[0], link[1], "--files", "/"],
+            "--files: /: all files of this computer",
+        ),
+        (
+            vec![link[0], link[1], "--files", &text],
+            "notes.txt: Not a directory",
+        ),
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_px4-sim"))
             .args(&arguments)
@@ -217,6 +254,40 @@ fn bad_arguments_and_key_files_are_status_2() {
         let text = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {text}");
         assert!(text.contains(expected), "{arguments:?}: {text}");
+    }
+}
+
+#[test]
+fn the_program_says_which_files_it_serves_and_starts_with_what_a_power_cut_leaves_of_a_key() {
+    let directory = tempfile_dir("px4-sim-files");
+    let card = directory.join("card");
+    std::fs::create_dir_all(card.join("fs/microsd/log")).unwrap();
+    std::fs::write(card.join("fs/microsd/log/a.ulg"), [7; 1_000]).unwrap();
+    std::fs::write(card.join("readme"), "hello").unwrap();
+    std::os::unix::fs::symlink("/etc/passwd", card.join("link")).unwrap();
+    let cut = directory.join("px4.bin");
+    let cuts: [&[u8]; 3] = [&[], &[0x80; 7], &[0; 40]];
+    for left in cuts {
+        std::fs::write(&cut, left).unwrap();
+        let mut program = Command::new(env!("CARGO_BIN_EXE_px4-sim"))
+            .args(["--link", "udpin:127.0.0.1:0", "--files"])
+            .arg(&card)
+            .arg("--signing-file")
+            .arg(&cut)
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut ready = String::new();
+        BufReader::new(program.stderr.take().unwrap())
+            .read_line(&mut ready)
+            .unwrap();
+        program.kill().unwrap();
+        program.wait().unwrap();
+        let served = format!(
+            "1x, serves 2 files of {}, 1005 bytes, as /fs, /readme, 1 left out: links, devices\n",
+            card.display()
+        );
+        assert!(ready.ends_with(&served), "{ready}");
     }
 }
 
