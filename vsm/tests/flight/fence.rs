@@ -261,3 +261,16 @@ fn a_fence_that_another_station_takes_away_is_warned_of_until_it_is_back() {
     rig.done(order(AreaPlanMode::Load));
     assert!(rig.until(5.0, |rig| rig.station().has_alert("the fence is uploaded")));
 }
+
+#[test]
+fn areas_that_leave_the_file_by_a_restart_while_they_are_uploaded_are_cleared() {
+    let mut rig = Rig::ready();
+    let (before, key) = (rig.text.clone(), "signing = { key_file = \"uav.key\" }\n");
+    let keys = "area = [{ keep = \"in\", centre = [47.3977434, 8.5455939], radius_m = 900 }]\n";
+    rig.reload(&before.replacen(key, &format!("{key}{keys}"), 1))
+        .expect("applied");
+    // The vehicle holds it, and it is not read back yet.
+    assert!(rig.until(10.0, |rig| aboard(rig) == [5003]));
+    rig.restart_with(&before);
+    assert!(rig.until(15.0, |rig| aboard(rig).is_empty()));
+}

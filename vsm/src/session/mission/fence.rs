@@ -2,6 +2,9 @@
 //! 50018 reports the result.
 //!
 //! Areas of the configuration are always part of the fence.
+//!
+//! Before any area is sent, it is stored that the vehicle may hold areas of this VSM, as with rally points. So what a restart in
+//! the middle of an upload leaves aboard is replaced after it, or cleared where no area is left.
 
 use std::time::Duration;
 
@@ -31,12 +34,16 @@ pub(super) struct Fence {
     /// The areas that were last loaded.
     loaded: Areas,
     kept: Kept,
+    /// Whether the record on disk says that the vehicle may hold areas of this VSM.
+    stored_wanted: bool,
     work: Option<Work>,
 }
 
 #[derive(Debug)]
 struct Work {
     requester: Requester,
+    /// Whether the vehicle could already hold areas of this VSM before this upload.
+    wanted_before: bool,
     areas: Areas,
     points: Vec<FencePoint>,
     upload: Upload,
@@ -70,6 +77,7 @@ impl Fence {
             configured,
             sent: Areas::default(),
             loaded: Areas::default(),
+            stored_wanted: false,
             work: None,
         }
     }
@@ -193,9 +201,10 @@ impl Fence {
         free: Result<(), &'static str>,
         effects: &mut Effects<'_>,
     ) {
-        let now = context.mono();
+        let (now, wanted_before) = (context.mono(), self.kept.wanted);
         let begun = free
             .map_err(str::to_owned)
+            .and_then(|()| self.store_wanted(effects))
             .and_then(|()| self.kept.send(now, &items(&points), effects.vehicle));
         match begun {
             Ok(upload) => {
@@ -205,6 +214,7 @@ impl Fence {
                 }
                 self.work = Some(Work {
                     requester,
+                    wanted_before,
                     areas,
                     points,
                     upload,
@@ -253,7 +263,12 @@ impl Fence {
             Seen::Due => {
                 let areas = self.loaded.clone();
                 match self.points(&areas, None) {
-                    Ok(points) if self.kept.holds(context, &items(&points)) => {}
+                    Ok(points) if self.kept.holds(context, &items(&points)) => {
+                        // The record may be new, with areas that were sent before it.
+                        if let Err(why) = self.store_wanted(effects) {
+                            effects.advise(format!("fence: {why}"));
+                        }
+                    }
                     Ok(points) => self.begin(context, None, areas, points, free, effects),
                     Err(fault) => effects.warn(Cause::Fence, fault.to_string()),
                 }
@@ -276,6 +291,16 @@ impl Fence {
             }
             Progress::Failed(fault) => {
                 if let Some(work) = self.work.take() {
+                    if work.upload.touched() {
+                        // It may hold these areas, or none: what it should hold is compared, and sent or cleared.
+                        self.kept.try_again(context.mono());
+                    } else if !work.wanted_before {
+                        // The vehicle's own areas, if any, are left alone.
+                        self.kept.wanted = false;
+                        if let Err(fault) = self.save(effects) {
+                            effects.advise(format!("fence: {NOT_STORED}: {fault}"));
+                        }
+                    }
                     let vertex = vertex_of(&work.points, &fault);
                     self.end(
                         context,
@@ -338,7 +363,19 @@ impl Fence {
         }
     }
 
-    fn save(&self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
+    /// Stores that the vehicle may hold areas of this VSM.
+    fn store_wanted(&mut self, effects: &mut Effects<'_>) -> Result<(), String> {
+        let before = std::mem::replace(&mut self.kept.wanted, true);
+        if self.stored_wanted {
+            return Ok(());
+        }
+        self.save(effects).map_err(|fault| {
+            self.kept.wanted = before;
+            format!("{NOT_STORED}: {fault}")
+        })
+    }
+
+    fn save(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let vehicle = effects.id;
         let lines = |areas: &Areas| {
             encode_messages(areas.messages(), Id::NULL, vehicle)
@@ -349,7 +386,9 @@ impl Fence {
             loaded: lines(&self.loaded)?,
             wanted: self.kept.wanted,
         };
-        effects.disk().save(&vehicle, &record)
+        effects.disk().save(&vehicle, &record)?;
+        self.stored_wanted = self.kept.wanted;
+        Ok(())
     }
 
     /// Restores the areas after a restart.
@@ -366,6 +405,7 @@ impl Fence {
         self.loaded = areas(&record.loaded).map_err(unreadable)?;
         // The configuration may have gained an area since the record was written.
         self.kept.wanted |= record.wanted;
+        self.stored_wanted = record.wanted;
         Ok(())
     }
 }
@@ -437,3 +477,4 @@ fn vertex_of(points: &[FencePoint], fault: &Fault) -> Option<Vertex> {
 const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
 /// Text of the cleared warning.
 const UPLOADED: &str = "the fence is uploaded";
+const NOT_STORED: &str = "what the vehicle holds cannot be stored";

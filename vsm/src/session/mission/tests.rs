@@ -7,11 +7,14 @@ use mapping::route::{self, Site};
 use mapping::telemetry::{MissionProgress, Place};
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::mission::{
-    Event, Item, MavMissionType, Operation, plan_id, px4_read_back,
+    Event, Failure, Item, MavMissionType, Operation, plan_id, px4_read_back,
 };
-use stanag_msgs::enums::{AltitudeType, MissionPlanMode as Mode, MissionTransferStatus as Status};
+use stanag_msgs::enums::{
+    AltitudeType, AreaPlanMode, AreaType, MissionPlanMode as Mode, MissionTransferStatus as Status,
+};
 use stanag_msgs::messages::{
-    MissionTransferCommand, UaPositionWaypoint, UaRoute, VehicleOperatingModeCommand,
+    AreaTransferCommand, AreaVertex, MissionTransferCommand, UaPositionWaypoint, UaRoute,
+    VehicleOperatingModeCommand,
 };
 use stanag_msgs::scalar::{Bam32, Scaled};
 use stanag_msgs::{Text, TimeStamp};
@@ -87,6 +90,35 @@ fn named(mission_id: u32, fence_id: u32) -> Option<MissionProgress> {
         fence_id,
         rally_points_id: 0,
     })
+}
+
+/// An area of the configuration.
+fn circle() -> Area {
+    Area {
+        keep_in: true,
+        shape: Shape::Circle {
+            centre: (47.0, 8.0),
+            radius_m: 500.0,
+        },
+    }
+}
+
+/// What is begun for the fence or the rally points once the vehicle's link is up.
+fn looked(world: &mut World, mission: &mut Mission) -> Option<Operation> {
+    handle(world, mission, Input::LinkUp);
+    world.advance(4 * SECOND);
+    handle(world, mission, Input::WatchFence);
+    world.services.missions.busy()
+}
+
+/// The bridge is killed and starts again, with neither areas nor rally points in its configuration.
+fn restarted(world: &mut World) -> Mission {
+    world.services.missions.cancel();
+    while world.services.missions.poll_event().is_some() {}
+    let mut mission = Mission::new(Vec::new(), Vec::new());
+    let restored = world.act(|_, _, effects| mission.restore(effects));
+    restored.expect("its records");
+    mission
 }
 
 /// On the ground at home, with a route of two waypoints stored.
@@ -546,13 +578,7 @@ fn a_cancelled_clearing_leaves_no_route_that_counts_as_uploaded() {
 #[test]
 fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
     let mut world = World::new();
-    let circle = Area {
-        keep_in: true,
-        shape: Shape::Circle {
-            centre: (47.0, 8.0),
-            radius_m: 500.0,
-        },
-    };
+    let circle = circle();
     let items: Vec<Item> = mapping::area::fence(std::slice::from_ref(&circle), &[], None)
         .expect("a fence")
         .iter()
@@ -581,13 +607,7 @@ fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
 #[test]
 fn an_area_that_leaves_the_configuration_during_its_upload_is_cleared() {
     let mut world = World::new();
-    let circle = Area {
-        keep_in: true,
-        shape: Shape::Circle {
-            centre: (47.0, 8.0),
-            radius_m: 500.0,
-        },
-    };
+    let circle = circle();
     let items: Vec<Item> = mapping::area::fence(std::slice::from_ref(&circle), &[], None)
         .expect("a fence")
         .iter()
@@ -647,13 +667,7 @@ fn rally_points_that_change_during_their_upload_are_replaced_and_cleared() {
 #[test]
 fn a_comparison_of_the_fence_that_a_silent_vehicle_delays_wakes_nobody() {
     let mut world = World::new();
-    let circle = Area {
-        keep_in: true,
-        shape: Shape::Circle {
-            centre: (47.0, 8.0),
-            radius_m: 500.0,
-        },
-    };
+    let circle = circle();
     let mut mission = Mission::new(vec![circle], Vec::new());
     handle(&mut world, &mut mission, Input::LinkUp);
     world.vehicle = VehicleState::default();
@@ -702,32 +716,96 @@ fn rally_points_that_the_configuration_has_lost_are_cleared_also_where_the_vehic
         place: (47.0, 8.0),
         height: mapping::rally::Height::AboveHome(2.0),
     };
-    let looked = |world: &mut World, mission: &mut Mission| {
-        handle(world, mission, Input::LinkUp);
-        world.advance(4 * SECOND);
-        handle(world, mission, Input::WatchFence);
-        world.services.missions.busy()
-    };
     let mut before = Mission::new(Vec::new(), vec![point]);
     let busy = looked(&mut world, &mut before);
     assert_eq!(busy, Some(Operation::Upload));
     // Killed in the midst of it.
-    world.services.missions.cancel();
-    while world.services.missions.poll_event().is_some() {}
-    let restarted = |world: &mut World| {
-        let mut mission = Mission::new(Vec::new(), Vec::new());
-        let restored = world.act(|_, _, effects| mission.restore(effects));
-        restored.expect("its records");
-        mission
-    };
     let mut after = restarted(&mut world);
     let busy = looked(&mut world, &mut after);
     assert_eq!(busy, Some(Operation::Clear));
-    let kind = MavMissionType::MAV_MISSION_TYPE_RALLY;
-    let cleared = Event::Cleared { kind };
+    let cleared = Event::Cleared { kind: RALLY };
     ended(&mut world, &mut after, Operation::Clear, cleared);
     let mut once = restarted(&mut world);
     assert_eq!(looked(&mut world, &mut once), None);
+}
+
+/// Its first upload, and a clearing that is cut off too. The same of areas of a CUCS.
+#[test]
+fn areas_that_a_restart_in_the_middle_of_their_upload_takes_away_are_cleared() {
+    for configured in [true, false] {
+        let mut world = World::new();
+        world.vehicle.telemetry.mission = named(0, 0);
+        let areas = configured.then(circle).into_iter().collect();
+        let mut before = Mission::new(areas, Vec::new());
+        if !configured {
+            load_areas(&mut world, &mut before);
+        }
+        let busy = looked(&mut world, &mut before);
+        assert_eq!(busy, Some(Operation::Upload), "{configured}");
+        for _ in 0..2 {
+            let mut after = restarted(&mut world);
+            let busy = looked(&mut world, &mut after);
+            assert_eq!(busy, Some(Operation::Clear), "{configured}");
+        }
+        let mut after = restarted(&mut world);
+        looked(&mut world, &mut after);
+        let cleared = Event::Cleared { kind: FENCE };
+        ended(&mut world, &mut after, Operation::Clear, cleared);
+        let mut once = restarted(&mut world);
+        assert_eq!(looked(&mut world, &mut once), None, "{configured}");
+    }
+}
+
+/// 50016 and 50017 of a CUCS.
+fn load_areas(world: &mut World, mission: &mut Mission) {
+    let centre = AreaVertex {
+        area_id: Some(1),
+        area_type: Some(AreaType::KeepInCircle),
+        vertex_count: Some(1),
+        vertex_number: Some(1),
+        latitude: Some(Bam32::from_degrees(47.0)),
+        longitude: Some(Bam32::from_degrees(8.0)),
+        radius: Some(500.0),
+        ..AreaVertex::default()
+    };
+    command(world, mission, centre);
+    let load = AreaTransferCommand {
+        area_plan_mode: Some(AreaPlanMode::Load),
+        ..AreaTransferCommand::default()
+    };
+    command(world, mission, load);
+    assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
+}
+
+/// What the vehicle holds after a failed upload is known only where it has requested no item: then its own areas are left alone.
+#[test]
+fn areas_whose_upload_fails_are_cleared_where_the_vehicle_may_hold_some() {
+    for requested in [false, true] {
+        let (mut world, mut mission) = (World::new(), Mission::new(Vec::new(), Vec::new()));
+        load_areas(&mut world, &mut mission);
+        if requested {
+            let progress = Event::Progress {
+                operation: Operation::Upload,
+                done: 0,
+                total: 1,
+                percent: 0,
+            };
+            handle(&mut world, &mut mission, Input::ServiceEnded(progress));
+        }
+        let failed = Event::Failed {
+            operation: Operation::Upload,
+            kind: FENCE,
+            reason: Failure::NoAnswer { seq: None },
+        };
+        ended(&mut world, &mut mission, Operation::Upload, failed);
+        assert!(answers(&mut world).contains(&AckType::Refused));
+        let expected = requested.then_some(Operation::Clear);
+        world.advance(31 * SECOND);
+        handle(&mut world, &mut mission, Input::WatchFence);
+        assert_eq!(world.services.missions.busy(), expected);
+        let mut after = restarted(&mut world);
+        assert_eq!(looked(&mut world, &mut after), expected);
+    }
 }
 
 #[test]

@@ -147,6 +147,8 @@ fn one_timeout_after_a_restart_in_the_middle_of_a_launch() {
         &[
             // 2: that the holder sends heartbeats is stored again.
             "disk save authority-1b000101.json Power",
+            // 10: the vehicle may hold areas of this VSM.
+            "disk save areas-1b000101.json Process",
             // 16: the vehicle's link id.
             "disk save link-id-1b000101.json Process",
             // 5: the vehicle holds another mission.
