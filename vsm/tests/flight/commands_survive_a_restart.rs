@@ -1,12 +1,12 @@
 //! What was commanded before `kill -9` is known after it: a repetition is answered and not carried out again, and what
 //! was cut off is reported, and not resumed.
 
-use kit::bridge::{Rig, orders};
-use stanag_msgs::Message;
+use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use stanag_msgs::enums::{
-    AckType, FlightPathControlMode as Mode, MissionPlanMode, RequestedAccess,
+    AckType, FlightPathControlMode as Mode, MissionPlanMode, MissionTransferStatus, RequestedAccess,
 };
 use stanag_msgs::messages::CucsAuthorisationRequest;
+use stanag_msgs::{Message, Text};
 
 const DONE: Option<AckType> = Some(AckType::CarriedOut);
 
@@ -132,9 +132,41 @@ fn an_upload_that_a_restart_interrupts_is_reported_and_can_be_repeated() {
         rig.station()
             .has_alert("13000 (Mission Transfer Command) refused: the VSM restarted")
     );
+    assert_load_aborted(&rig);
     // PX4 waits 5 s for the rest of the one that was cut off.
     rig.run(6.0);
     rig.done(orders::load());
+}
+
+/// The last 14000 names the load, and that it is aborted.
+fn assert_load_aborted(rig: &Rig) {
+    let last = rig
+        .station()
+        .last(vehicle_id(0), 14000, |message| match message {
+            Message::MissionUploadDownloadStatus(report) => Some(report.clone()),
+            _ => None,
+        });
+    let last = last.expect("a 14000");
+    assert_eq!(last.status, Some(MissionTransferStatus::Aborted));
+    assert_eq!(last.mission_plan_mode, Some(MissionPlanMode::Load));
+    assert_eq!(last.mission_id, Some(Text::new("M1")));
+}
+
+/// A station that acknowledges nothing has proved no address, so after the restart none is known before its next message.
+#[test]
+fn an_upload_that_a_restart_interrupts_is_reported_to_a_station_that_comes_later() {
+    let mut rig = Rig::new(Setup::default());
+    rig.stations[0].acknowledges = false;
+    rig.run(9.0);
+    rig.done(orders::request_control());
+    rig.send_plan(orders::square());
+    let load = rig.send(orders::load());
+    rig.run(0.05);
+    assert_eq!(rig.station().end(load), None, "too late for this test");
+    rig.restart_bridge();
+    assert_eq!(rig.end(load), Some(AckType::Refused));
+    rig.run(0.1);
+    assert_load_aborted(&rig);
 }
 
 #[test]

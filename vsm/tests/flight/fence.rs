@@ -202,6 +202,20 @@ fn areas_come_back_as_they_were_sent_and_survive_a_restart() {
     );
 }
 
+#[test]
+fn a_load_of_areas_that_a_restart_interrupts_is_reported_as_aborted() {
+    let mut rig = Rig::ready();
+    rig.send_plan(polygon(1, AreaType::KeepInPolygon, &SQUARE));
+    let load = rig.send(order(AreaPlanMode::Load));
+    rig.run(0.05);
+    assert_eq!(rig.station().end(load), None, "too late for this test");
+    rig.restart_bridge();
+    assert_eq!(rig.end(load), Some(AckType::Refused));
+    let reported = status(&rig);
+    assert_eq!(reported.area_plan_mode, Some(AreaPlanMode::Load));
+    assert_eq!(reported.status, Some(MissionTransferStatus::Aborted));
+}
+
 fn configured() -> Setup {
     // 0.01 degrees of latitude are 1.1 km.
     Setup {

@@ -136,19 +136,26 @@ impl Aircraft {
             _ => {
                 // An interrupted launch must not leave motors running: a vehicle that is still on the ground is disarmed.
                 self.flight.cut_off(seen);
-                let mode = if seen.mode == 0 {
-                    String::new()
-                } else {
-                    format!(" (mode {})", seen.mode)
-                };
-                let why = format!(
-                    "the VSM restarted while this was carried out{mode}: not resumed after the restart; \
-                     check the vehicle's state"
-                );
-                effects!(self, dli).refuse(Some(origin), why);
+                self.refuse_cut_off(dli, station, seen);
                 true
             }
         }
+    }
+
+    /// Refuses a command that a restart of the VSM has cut off.
+    pub(crate) fn refuse_cut_off(&mut self, dli: &mut DliEffects<'_>, station: usize, seen: &Seen) {
+        let mode = if seen.mode == 0 {
+            String::new()
+        } else {
+            format!(" (mode {})", seen.mode)
+        };
+        let why = format!(
+            "the VSM restarted while this was carried out{mode}: not resumed after the restart; \
+             check the vehicle's state"
+        );
+        let effects = effects!(self, dli);
+        self.mission.report_cut_off(station, seen, effects);
+        effects.refuse(Some(seen.origin(station)), why);
     }
 }
 

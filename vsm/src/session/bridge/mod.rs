@@ -50,7 +50,7 @@ use super::authority::record::KnownStation;
 use super::authority::rules::Silence;
 use super::context::{Settings, WATCH_SLACK};
 use super::counters::{ByType, Counters};
-use super::duplicates::Remembered;
+use super::duplicates::{Remembered, Seen};
 use super::effects::DliEffects;
 use super::findings::Finding;
 use super::findings::dli::DliEvidence;
@@ -79,6 +79,9 @@ pub struct Bridge {
     stations: Vec<GroundStation>,
     /// The recent messages of each station.
     remembered: Vec<Remembered>,
+    /// Commands, each with its station, that a restart has cut off and that were refused while the address of the station was not
+    /// known: it is sent that once it has one.
+    cut_off: Vec<(usize, Seen)>,
     aircraft: Fleet,
     links: Links,
     /// Other ground stations.
@@ -239,6 +242,7 @@ impl Bridge {
             vsm: config.dli.vsm_id,
             setup: Setup::of(config),
             remembered: stations.iter().map(|_| Remembered::default()).collect(),
+            cut_off: Vec::new(),
             stations,
             aircraft: Fleet::default(),
             links: Links::default(),
@@ -339,6 +343,10 @@ impl Bridge {
                 // If it is sent again it gets the same result; it must not be answered as a duplicate then.
                 if !answered {
                     self.remembered[index].forget(seen.digest);
+                } else if self.stations[index].peer.is_none()
+                    && self.remembered[index].was_refused(seen.message_type, seen.stamp)
+                {
+                    self.cut_off.push((index, seen));
                 }
             }
             if let Err(fault) = self.remembered[index].compact(id, disk) {
@@ -348,6 +356,19 @@ impl Bridge {
             }
         }
         Ok(())
+    }
+
+    /// A station has an address: sends it the ends of what a restart has cut off.
+    fn end_cut_off(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
+        let all = std::mem::take(&mut self.cut_off).into_iter();
+        let (own, others): (Vec<_>, Vec<_>) = all.partition(|(station, _)| *station == index);
+        self.cut_off = others;
+        for (_, seen) in own {
+            let (mut dli, aircraft) = self.effects(now, disk);
+            if let Some(one) = aircraft.find_mut(seen.destination) {
+                one.refuse_cut_off(&mut dli, index, &seen);
+            }
+        }
     }
 
     /// Does what is due.

@@ -191,6 +191,7 @@ impl Bridge {
     fn moved(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
         let before = self.stations[index].peer;
         self.note_path(index);
+        self.end_cut_off(now, index, disk);
         let station = &self.stations[index];
         // Moves without proof can happen a thousand times a second: they cause neither a log line nor an alert.
         if let (Some(before), Some(peer), true) = (before, station.peer, station.proven) {

@@ -68,6 +68,7 @@ impl Bridge {
         }
         self.paths.connect(now.mono, index, from);
         self.note_path(index);
+        self.end_cut_off(now, index, disk);
         self.welcome(now, index, false, disk);
         Ok(opened)
     }

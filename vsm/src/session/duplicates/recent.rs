@@ -48,7 +48,7 @@ pub(crate) struct Seen {
     /// Its destination.
     pub(crate) destination: Id,
     pub(crate) ack_requested: bool,
-    /// Select Flight Path Control Mode of a 2016, 0 for all others.
+    /// Select Flight Path Control Mode of a 2016, Mission Plan Mode of a 13000, Area Plan Mode of a 50017; 0 for all others.
     pub(crate) mode: u8,
     /// Its latest answer.
     pub(crate) answer: Option<AckType>,
@@ -74,6 +74,12 @@ impl Seen {
             Message::VehicleOperatingModeCommand(command) => command
                 .select_flight_path_control_mode
                 .map_or(0, |mode| mode.raw()),
+            Message::MissionTransferCommand(command) => {
+                command.mission_plan_mode.map_or(0, MissionPlanMode::raw)
+            }
+            Message::AreaTransferCommand(command) => {
+                command.area_plan_mode.map_or(0, AreaPlanMode::raw)
+            }
             _ => 0,
         };
         let question = match message {

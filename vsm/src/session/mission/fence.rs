@@ -458,6 +458,17 @@ fn report(
     effects.send(station, &report.into());
 }
 
+/// 50018 with status 2 for a 50017 that a restart of the VSM has cut off. The caller refuses it.
+pub(super) fn cut_off(effects: &mut Effects<'_>, station: usize, mode: Option<Mode>) {
+    let report = AreaTransferStatus {
+        time_stamp: Some(effects.stamp()),
+        area_plan_mode: mode,
+        status: Some(MissionTransferStatus::Aborted),
+        ..AreaTransferStatus::default()
+    };
+    effects.send(station, &report.into());
+}
+
 fn status(mode: Mode, status: MissionTransferStatus, vertex: Option<Vertex>) -> AreaTransferStatus {
     AreaTransferStatus {
         area_plan_mode: Some(mode),

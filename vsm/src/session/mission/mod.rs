@@ -50,7 +50,8 @@ use mapping::rally::RallyPoint;
 use mapping::telemetry::Telemetry;
 use mavlink_link::service::mission;
 use mavlink_link::store::StoreError;
-use stanag_msgs::enums::AckType;
+use stanag_msgs::enums::{AckType, AreaPlanMode, MissionPlanMode};
+use stanag_msgs::messages::{AreaTransferCommand, MissionTransferCommand};
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use self::band::BandWatch;
@@ -64,6 +65,7 @@ use self::store::MissionStore;
 use self::transfer::{Free, Transfers};
 use self::watchdog::MissionWatchdog;
 use super::context::{MissionView, Origin};
+use super::duplicates::Seen;
 use super::editions::Unfit;
 use super::effects::Effects;
 use super::link::services::Services;
@@ -134,6 +136,24 @@ impl Mission {
         self.store.restore(effects)?;
         self.fence.restore(effects)?;
         self.rally.restore(effects)
+    }
+
+    /// Reports to its sender that a transfer which a restart of the VSM has cut off is aborted (14000, 50018). The caller
+    /// refuses its command.
+    pub(crate) fn report_cut_off(&self, station: usize, seen: &Seen, effects: &mut Effects<'_>) {
+        // 0 in a log of an earlier version.
+        let mode = Some(seen.mode).filter(|mode| *mode != 0);
+        match seen.message_type {
+            MissionTransferCommand::ID => {
+                let command = self.store.cut_off(seen.stamp);
+                let mode = mode.map(MissionPlanMode::from_raw);
+                status::cut_off(effects, station, mode, command);
+            }
+            AreaTransferCommand::ID => {
+                fence::cut_off(effects, station, mode.map(AreaPlanMode::from_raw));
+            }
+            _ => {}
+        }
     }
 
     /// Whether the vehicle is outside its altitude band.

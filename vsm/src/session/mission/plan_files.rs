@@ -20,6 +20,7 @@ use data_encoding::HEXLOWER;
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, StoreError};
 use sha2::{Digest, Sha256};
 use stanag_msgs::Id;
+use stanag_msgs::messages::MissionTransferCommand;
 
 use super::received::ReceivedPlan;
 use super::record;
@@ -39,6 +40,8 @@ pub(super) struct PlanFiles {
     /// The record must be written before the next message: either the log may end in an incomplete line, after which another
     /// could not be read, or a change that is on disk was undone in memory.
     pub(super) rewrite: bool,
+    /// The 13000 that a restart has cut off while it loaded an upload.
+    pub(super) cut_off: Option<MissionTransferCommand>,
 }
 
 impl Default for PlanFiles {
@@ -51,6 +54,7 @@ impl Default for PlanFiles {
             bytes: 0,
             recorded: 0,
             rewrite: false,
+            cut_off: None,
         }
     }
 }
@@ -83,7 +87,7 @@ impl PlanFiles {
         let (log_heading, lines) = text.split_once('\n').unwrap_or((text, ""));
         files.log_heading = Some(log_heading.to_owned());
         if files.continues() {
-            record::store_log(&mut plan, lines.lines(), vehicle)
+            files.cut_off = record::store_log(&mut plan, lines.lines(), vehicle)
                 .map_err(|cause| StoreError::new(&name, cause))?;
             files.lines = lines.lines().count();
             files.bytes = log.len();

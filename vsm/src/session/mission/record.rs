@@ -11,6 +11,7 @@ use mapping::telemetry::Telemetry;
 use mavlink_link::service::mission::Item;
 use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::RouteType;
+use stanag_msgs::messages::MissionTransferCommand;
 use stanag_msgs::{EncodeError, Envelope, Id, MAX_DATAGRAM, Message, frames};
 
 use super::received::ReceivedPlan;
@@ -232,23 +233,26 @@ fn store_all(
     Ok(())
 }
 
-/// Stores the messages of a log: they continue the upload of the record, up to a 13000 that was cut off.
+/// Stores the messages of a log: they continue the upload of the record, up to a 13000 that was cut off. Returns the last
+/// such 13000.
 pub(super) fn store_log<'l>(
     received: &mut ReceivedPlan,
     lines: impl Iterator<Item = &'l str>,
     vehicle: Id,
-) -> Result<(), RecordError> {
+) -> Result<Option<MissionTransferCommand>, RecordError> {
+    let mut cut_off = None;
     for (cucs, message) in decode_messages(lines)? {
-        if let Message::MissionTransferCommand(_) = message {
+        if let Message::MissionTransferCommand(command) = message {
             received.begin_load(cucs);
             received.load_failed(vehicle);
             // `admit_load` let it begin, so nothing that was dropped before forbids it.
             received.dropped = None;
+            cut_off = Some(command);
         } else {
             received.store(&message, cucs, vehicle).map_err(fault)?;
         }
     }
-    Ok(())
+    Ok(cut_off)
 }
 
 fn unhex(line: &str) -> Result<Vec<u8>, RecordError> {

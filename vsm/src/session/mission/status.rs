@@ -1,7 +1,7 @@
 //! 14000: the progress of a plan's transfer, and its result.
 
 use stanag_msgs::enums::{AckType, MissionPlanMode as Mode, MissionTransferStatus as Status};
-use stanag_msgs::messages::MissionUploadDownloadStatus;
+use stanag_msgs::messages::{MissionTransferCommand, MissionUploadDownloadStatus};
 use stanag_msgs::{Message, Text};
 
 use crate::session::context::Origin;
@@ -36,6 +36,25 @@ pub(super) fn reject(
     let message = message(effects, name, mode, status, waypoint);
     effects.send(origin.station, &message);
     effects.refuse(Some(origin), why);
+}
+
+/// 14000 with status 2 for a 13000 that a restart of the VSM has cut off. `command`: itself, where it is known. The caller
+/// refuses it.
+pub(super) fn cut_off(
+    effects: &mut Effects<'_>,
+    station: usize,
+    mode: Option<Mode>,
+    command: Option<&MissionTransferCommand>,
+) {
+    let message = MissionUploadDownloadStatus {
+        time_stamp: Some(effects.stamp()),
+        mission_id: command.and_then(|command| command.mission_id),
+        status: Some(Status::Aborted),
+        percent_complete: Some(0),
+        mission_plan_mode: mode,
+        ..MissionUploadDownloadStatus::default()
+    };
+    effects.send(station, &message.into());
 }
 
 /// Why a route is refused.

@@ -53,6 +53,12 @@ impl MissionStore {
         (self.offered(cucs), own.map(|staged| &staged.sent))
     }
 
+    /// The 13000 with this stamp, if a restart has cut it off while it loaded an upload.
+    pub(super) fn cut_off(&self, stamp: TimeStamp) -> Option<&MissionTransferCommand> {
+        let command = self.files.cut_off.as_ref();
+        command.filter(|command| command.time_stamp == Some(stamp))
+    }
+
     /// The plan that the 13000 in progress loads: as sent when it began.
     pub(super) fn to_load(&self) -> &Plan {
         self.received.to_load()
