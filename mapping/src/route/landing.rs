@@ -422,6 +422,29 @@ mod tests {
         assert_eq!((fault.waypoint, fault.reason), (2, Reason::TooManyItems(6)));
     }
 
+    /// With the last waypoint of the route, or the first of the approach, at another speed.
+    #[test]
+    fn a_landing_is_begun_at_the_vehicles_own_speed_unless_its_approach_has_one() {
+        let approach: &[_] = &[(7, -800.0, 0.0, 50.0), (8, 0.0, 0.0, 5.0)];
+        let begun = |fast: Option<u16>| {
+            let mut sent = plan(&[ROUTE, (RouteType::Approach, approach)]);
+            if let Some(number) = fast {
+                let waypoint = UaPositionWaypoint {
+                    waypoint_to_speed: Scaled::from_si(18.0).ok(),
+                    ..sent.waypoint(number).expect("sent").clone()
+                };
+                let stored = sent.store(&waypoint.into(), Id(0x1b00_00a0), Id(0x1b00_0101));
+                stored.expect("a waypoint");
+            }
+            let flown = flown(&sent, RouteType::Flight, 1, &site(false, None)).expect("it lands");
+            [false, true].map(|jumps| flown.speed_of_landing(jumps, 15.0))
+        };
+        // PX4 has its own speed where it enters AUTO.MISSION, and on a jump the present one.
+        assert_eq!(begun(None), [None, Some(15.0)]);
+        assert_eq!(begun(Some(2)), [Some(15.0); 2]);
+        assert_eq!(begun(Some(7)), [None; 2]);
+    }
+
     #[test]
     fn a_glide_too_steep_is_refused_with_the_figures() {
         let approach: &[_] = &[(7, -300.0, 0.0, 60.0), (8, 0.0, 0.0, 5.0)];

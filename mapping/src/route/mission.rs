@@ -175,10 +175,26 @@ impl CompiledMission {
     /// MISSION_SET_CURRENT.
     #[must_use]
     pub fn speed_of_jump(&self, seq: u16, cruise_m_s: f64) -> Option<f64> {
+        (!self.sets_speed(seq)).then(|| self.speed_before_m_s(seq.into(), cruise_m_s))
+    }
+
+    /// The speed that the landing pattern of a wing must be given when it is begun, m/s: the vehicle's cruise speed, for which it is
+    /// planned, as a route of its own. `None` where it has that speed, or an item on the way to its first place sets one.
+    ///
+    /// `jumps`: it is begun within AUTO.MISSION, where PX4 v1.18 keeps the present speed. Where that mode is entered, PX4 repeats the
+    /// last speed of the route.
+    #[must_use]
+    pub fn speed_of_landing(&self, jumps: bool, cruise_m_s: f64) -> Option<f64> {
+        let start = self.landing_start()?;
+        let other = jumps || item::speed_before(&self.items, start.into()).is_some();
+        (other && !self.sets_speed(start)).then_some(cruise_m_s)
+    }
+
+    /// Whether an item on the way to the place of this one sets a speed.
+    fn sets_speed(&self, seq: u16) -> bool {
         let way = usize::from(seq)..usize::from(self.place_from(seq));
         let mut way = self.items.get(way).unwrap_or_default().iter();
-        let sets = way.any(|item| item.command == DO_CHANGE_SPEED);
-        (!sets).then(|| self.speed_before_m_s(seq.into(), cruise_m_s))
+        way.any(|item| item.command == DO_CHANGE_SPEED)
     }
 
     /// The first item with a position at or after this one: PX4 executes the ones before it immediately.

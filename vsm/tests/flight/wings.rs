@@ -9,7 +9,7 @@ use stanag_msgs::enums::{
 };
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, LoiterConfiguration, MissionTransferCommand,
-    PositiveHandoverAuthorisationRequest, UaRoute, VehicleOperatingModeCommand,
+    PositiveHandoverAuthorisationRequest, UaPositionWaypoint, UaRoute, VehicleOperatingModeCommand,
     VehicleSpecificWaypoint,
 };
 use stanag_msgs::{Bam16, Message, Scaled, Text};
@@ -297,6 +297,41 @@ fn a_configured_pattern_lands_a_wing_from_its_route() {
     assert!(down, "{truth:?} {:?}", rig.station().alerts());
     let off_m = truth.position.n.hypot(truth.position.e);
     assert!(off_m < 150.0, "{truth:?}");
+}
+
+/// Mode 19 in the middle of a leg at 19 m/s, and out of a hold, after which PX4 repeats that speed of the route.
+#[test]
+fn the_landing_pattern_is_flown_at_the_vehicles_own_speed() {
+    for holds in [false, true] {
+        let mut rig = winged(Airframe::Plane, "");
+        let fast = |number, next, north| UaPositionWaypoint {
+            waypoint_to_speed: Some(Scaled::saturating_from_si(19.0)),
+            ..orders::waypoint(number, next, north, 0.0, 60.0)
+        };
+        rig.send_plan(vec![
+            orders::route(1).into(),
+            fast(1, 2, 600.0).into(),
+            fast(2, 0, 3_000.0).into(),
+        ]);
+        rig.done(orders::load());
+        rig.take_off(50.0);
+        assert!(rig.until(200.0, |rig| rig.truth().mode == Px4::Loiter));
+        rig.done(orders::mode(Mode::Waypoint));
+        let is_fast = |rig: &Rig| {
+            rig.truth().position.n > 1_200.0 && rig.truth().velocity.horizontal() > 18.5
+        };
+        assert!(rig.until(200.0, is_fast), "{:?}", rig.truth());
+        if holds {
+            rig.done(orders::mode(Mode::Loiter));
+        }
+        rig.done(orders::mode(Mode::AutolandEngage));
+        rig.run(15.0);
+        let truth = rig.truth();
+        assert!(
+            (truth.velocity.horizontal() - 15.0).abs() < 1.0,
+            "{holds}: {truth:?}"
+        );
+    }
 }
 
 #[test]

@@ -127,6 +127,13 @@ impl Situation<'_> {
         let settled = !self.under_way.enters && !self.under_way.unseen;
         self.telemetry.mode.filter(|_| settled)
     }
+
+    /// Whether another current item is, or may be, a jump within AUTO.MISSION: PX4 repeats the route's speed when it enters that mode,
+    /// but keeps the present one on a jump.
+    pub(super) fn may_jump(&self) -> bool {
+        let mode = self.settled_mode();
+        mode.is_none_or(|mode| mode == Px4Mode::MISSION)
+    }
 }
 
 /// The mode of a command: the commanded one, or the present one if it names none.

@@ -119,9 +119,14 @@ pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     }
     match pattern.filter(|(uploaded, _)| holds(at.telemetry, uploaded) == Some(true)) {
         Some((uploaded, start)) => {
+            let compiled = &uploaded.compiled;
             check_heights(uploaded, at)?;
-            let mut steps = vec![Step::SetCurrent(start..=uploaded.compiled.place_from(start))];
+            let mut steps = vec![Step::SetCurrent(start..=compiled.place_from(start))];
             steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
+            // After the mode, with which PX4 repeats the route's speed.
+            let cruise_m_s = at.route_performance.cruise_m_s;
+            let speed_m_s = compiled.speed_of_landing(at.may_jump(), cruise_m_s);
+            steps.extend(speed_m_s.map(|speed_m_s| maneuver::change_speed(speed_m_s, false)));
             Ok(Some(Task::Steps(steps, Commanded::default())))
         }
         None if approach => Ok(None),

@@ -125,7 +125,8 @@ pub(super) fn fly(
         steps.push(maneuver::change_speed(speed_m_s, at.wings.is_none()));
         commanded.speed_m_s = Some(speed_m_s);
         commanded.speed_type = Some(flown_as(at.wings.is_none()));
-    } else if let Some(speed_m_s) = jumped_to(start, at)
+    } else if let Some(speed_m_s) = start
+        .filter(|_| at.may_jump())
         .and_then(|seq| compiled.speed_of_jump(seq, at.route_performance.cruise_m_s))
     {
         let hovers = at.wings.is_none() || compiled.hovers_from(seq);
@@ -133,13 +134,6 @@ pub(super) fn fly(
         commanded.speed_m_s = None;
     }
     Ok(Task::Steps(steps, commanded))
-}
-
-/// The item to which the vehicle jumps within AUTO.MISSION, or may: PX4 repeats the route's speed when it enters that mode, but
-/// keeps the present one on a jump.
-fn jumped_to(start: Option<u16>, at: &Situation<'_>) -> Option<u16> {
-    let mode = at.settled_mode();
-    start.filter(|_| mode.is_none_or(|mode| mode == Px4Mode::MISSION))
 }
 
 /// The first item if no waypoint is named; `None` to continue to the current item.
