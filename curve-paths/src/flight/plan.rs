@@ -50,7 +50,7 @@ pub struct FlightPlan {
     pub tight: Vec<Tight>,
     /// The fastest speed that the whole route allows, m/s: infinite for straight legs only.
     pub fastest_mps: f64,
-    /// Speed changes in order of their vertices; none when the requested speed is possible throughout.
+    /// Speed changes in order of their vertices; none where one speed is requested for all legs and possible throughout.
     pub changes: Vec<SpeedChange>,
     /// Time for the chords at those speeds, limited by the speed that the autopilot allows itself on each chord, s.
     pub time_s: f64,
@@ -102,28 +102,34 @@ pub enum NotFlyable {
     },
 }
 
-/// Plans the flight of a densified route at a requested speed.
+/// Plans the flight of a densified route at requested speeds: one for each leg, the last of them for those behind it too.
+///
+/// Each curved leg is planned for itself, as the bridge makes its mission leg by leg: the aircraft brakes on the curve, from its
+/// first point on at the earliest. What a faster leg before costs is in the predicted deviation.
 ///
 /// # Errors
-/// When the speed is out of range; a turn is too tight, or a multicopter too fast on a climbing curve, under
+/// When a speed is out of range; a turn is too tight, or a multicopter too fast on a climbing curve, under
 /// [`Policy::Refuse`]; or a turn is too tight for the slowest speed.
 pub fn plan_flight(
     legs: &[Leg],
     densified: &Densified,
     airframe: &Airframe,
-    speed_mps: f64,
+    speeds_mps: &[f64],
     policy: Policy,
 ) -> Result<FlightPlan, NotFlyable> {
-    if !(speed_mps > 0.0 && speed_mps <= 200.0) {
+    let last_mps = speeds_mps.last().copied().unwrap_or(f64::NAN);
+    let mut each = speeds_mps.iter().copied().chain([last_mps]);
+    if let Some(speed_mps) = each.find(|speed_mps| !(*speed_mps > 0.0 && *speed_mps <= 200.0)) {
         return Err(NotFlyable::Speed { speed_mps });
     }
+    let requested_mps = |leg: usize| speeds_mps.get(leg).copied().unwrap_or(last_mps);
     let chords = chords(legs, densified, airframe);
     let mut plan = FlightPlan {
         fastest_mps: f64::INFINITY,
         slowest_chord_mps: f64::INFINITY,
         ..Default::default()
     };
-    let wished = wished(legs, densified, &chords, airframe, speed_mps, policy)?;
+    let wished = wished(legs, densified, &chords, airframe, requested_mps, policy)?;
     let mut run: Option<Tight> = None;
     for (chord, &speed_mps) in chords.iter().zip(&wished) {
         plan.fastest_mps = plan.fastest_mps.min(chord.fastest_mps());
@@ -141,7 +147,8 @@ pub fn plan_flight(
     }
     plan.tight.extend(run);
     let speeds = speeds(&chords, &wished, braking(airframe));
-    let mut now = speed_mps;
+    let first_mps = requested_mps(0);
+    let mut now = first_mps;
     for (k, &speed) in speeds.iter().enumerate() {
         if speed != now {
             plan.changes.push(SpeedChange {
@@ -157,25 +164,28 @@ pub fn plan_flight(
         }
     }
     // The route's last vertex restores the requested speed, which holds for what follows.
+    let speed_mps = chords
+        .last()
+        .map_or(first_mps, |chord| requested_mps(chord.leg));
     if now != speed_mps {
         plan.changes.push(SpeedChange {
             vertex: chords.len(),
             speed_mps,
         });
     }
-    let items = items(legs, densified, &speeds, speed_mps);
+    let items = items(legs, densified, &speeds, first_mps);
     plan.predicted_deviation_m = flown_bound_m(&items, densified.bound_m, airframe);
     Ok(plan)
 }
 
 /// The vertices as the items of a mission, with the acceptance radius of chords.
-fn items(legs: &[Leg], densified: &Densified, speeds: &[f64], speed_mps: f64) -> Vec<FlownItem> {
+fn items(legs: &[Leg], densified: &Densified, speeds: &[f64], first_mps: f64) -> Vec<FlownItem> {
     let acceptance_m = chord_acceptance_m(densified.shortest_chord_m);
     let vertices = densified.vertices.iter().enumerate();
     vertices
         .map(|(k, vertex)| FlownItem {
             position: vertex.position,
-            speed_mps: *speeds.get(k.max(1) - 1).unwrap_or(&speed_mps),
+            speed_mps: *speeds.get(k.max(1) - 1).unwrap_or(&first_mps),
             acceptance_m,
             curved: k > 0 && matches!(legs.get(vertex.leg), Some(Leg::Bezier(_))),
         })
@@ -221,10 +231,11 @@ fn wished(
     densified: &Densified,
     chords: &[Chord],
     airframe: &Airframe,
-    speed_mps: f64,
+    requested_mps: impl Fn(usize) -> f64,
     policy: Policy,
 ) -> Result<Vec<f64>, NotFlyable> {
-    let mut wished = vec![speed_mps; chords.len()];
+    let each = chords.iter().map(|chord| requested_mps(chord.leg));
+    let mut wished: Vec<f64> = each.collect();
     if let Airframe::FixedWing(_) = airframe {
         return Ok(wished);
     }
@@ -240,6 +251,7 @@ fn wished(
         }
         let lengths = chords[from..to].iter().map(|chord| chord.length_m);
         let chord_m = lengths.fold(f64::INFINITY, f64::min);
+        let speed_mps = requested_mps(leg);
         let slow_mps = climbing_mps(speed_mps, chord_m);
         if slow_mps >= speed_mps {
             continue;
@@ -275,6 +287,7 @@ fn check(
 }
 
 struct Chord {
+    leg: usize,
     length_m: f64,
     tight: Option<Tight>,
     /// The speed to which PX4 limits itself on the chord, m/s.
@@ -325,6 +338,7 @@ fn chords(legs: &[Leg], densified: &Densified, airframe: &Airframe) -> Vec<Chord
                 Airframe::Multicopter(m) => m.on_chord_mps(length_m).max(CRAWL_MPS),
             };
             Chord {
+                leg: pair[1].leg,
                 length_m,
                 tight,
                 autopilot_mps,
@@ -333,8 +347,8 @@ fn chords(legs: &[Leg], densified: &Densified, airframe: &Airframe) -> Vec<Chord
         .collect()
 }
 
-/// The speed of each chord: what it allows where that is less than wished, one speed for each run of such chords, and
-/// the same speed on those before it that braking takes.
+/// The speed of each chord: what it allows where that is less than wished, one speed for each run of such chords of a leg, and
+/// the same speed on those of that leg before it that braking takes.
 fn speeds(chords: &[Chord], wished: &[f64], braking: f64) -> Vec<f64> {
     let mut speeds = wished.to_vec();
     let allows = |k: usize| chords[k].fastest_mps() >= wished[k];
@@ -344,8 +358,9 @@ fn speeds(chords: &[Chord], wished: &[f64], braking: f64) -> Vec<f64> {
             k += 1;
             continue;
         }
+        let leg = chords[k].leg;
         let end = (k..chords.len())
-            .find(|&j| allows(j))
+            .find(|&j| allows(j) || chords[j].leg != leg)
             .unwrap_or(chords.len());
         let slowest = chords[k..end]
             .iter()
@@ -354,7 +369,7 @@ fn speeds(chords: &[Chord], wished: &[f64], braking: f64) -> Vec<f64> {
         let slow = tenths(slowest).max(CRAWL_MPS);
         let mut needed_m = (wished[k] * wished[k] - slow * slow) / (2.0 * braking);
         let mut first = k;
-        while first > 0 && needed_m > 0.0 {
+        while first > 0 && chords[first - 1].leg == leg && needed_m > 0.0 {
             first -= 1;
             needed_m -= chords[first].length_m;
         }

@@ -1,7 +1,8 @@
 //! A turn that is too tight is found, named, and slowed down for or refused.
 
 use curve_paths::flight::{
-    Airframe, FixedWing, Multicopter, NotFlyable, Policy, measure, plan_flight, tightest,
+    Airframe, FixedWing, FlightPlan, Multicopter, NotFlyable, Policy, measure, plan_flight,
+    tightest,
 };
 use curve_paths::{BezierLeg, Control, Leg, Options, Position, densify};
 
@@ -47,7 +48,7 @@ fn banking(deg: f64) -> FixedWing {
 /// What flying adds to a route at a speed, m.
 fn added_m(legs: &[Leg], airframe: Airframe, speed_mps: f64) -> Option<f64> {
     let dense = densify(legs, &Options::flight(1.0)).unwrap();
-    let plan = plan_flight(legs, &dense, &airframe, speed_mps, Policy::Slow).unwrap();
+    let plan = plan_flight(legs, &dense, &airframe, &[speed_mps], Policy::Slow).unwrap();
     plan.predicted_deviation_m.map(|m| m - dense.bound_m)
 }
 
@@ -102,7 +103,7 @@ fn a_fixed_wing_slows_down_before_the_bend_and_speeds_up_after() {
     let legs = route();
     let dense = densify(&legs, &Options::flight(0.5)).unwrap();
     let plane = Airframe::FixedWing(banking(30.0));
-    let plan = plan_flight(&legs, &dense, &plane, 18.0, Policy::Slow).unwrap();
+    let plan = plan_flight(&legs, &dense, &plane, &[18.0], Policy::Slow).unwrap();
     // V = sqrt(R g tan 30) for 40 m, less because the cubic is tighter than its circle.
     assert!(
         (14.8..15.1).contains(&plan.fastest_mps),
@@ -124,8 +125,38 @@ fn a_fixed_wing_slows_down_before_the_bend_and_speeds_up_after() {
             && dense.vertices[fast.vertex].leg == 1
             && dense.vertices[fast.vertex].t == 1.0
     );
-    let untouched = plan_flight(&legs, &dense, &plane, 14.0, Policy::Refuse).unwrap();
+    let untouched = plan_flight(&legs, &dense, &plane, &[14.0], Policy::Refuse).unwrap();
     assert!(untouched.changes.is_empty() && untouched.tight.is_empty());
+}
+
+/// What the bridge makes of the curve, which knows nothing of the leg before it, is what is planned of the whole route.
+#[test]
+fn each_curve_is_planned_for_itself_at_the_speed_of_its_leg() {
+    let legs = route();
+    let plane = Airframe::FixedWing(banking(30.0));
+    let plan = |legs: &[Leg], speeds_mps: &[f64]| {
+        let dense = densify(legs, &Options::flight(0.5)).unwrap();
+        plan_flight(legs, &dense, &plane, speeds_mps, Policy::Slow).unwrap()
+    };
+    // The straight before it has one vertex more.
+    let of_curve = |plan: &FlightPlan, before: usize| -> Vec<(usize, f64)> {
+        let each = plan.changes.iter();
+        each.map(|one| (one.vertex - before, one.speed_mps))
+            .collect()
+    };
+    let (whole, alone) = (plan(&legs, &[18.0]), plan(&legs[1..2], &[18.0]));
+    assert_eq!(of_curve(&whole, 1), of_curve(&alone, 0));
+    // With a slower leg to it: it is entered as fast as it is flown.
+    let slow_mps = alone.changes[0].speed_mps;
+    let braked = plan(&legs, &[slow_mps, 18.0]);
+    assert_eq!(of_curve(&braked, 1), of_curve(&alone, 0)[1..]);
+    assert!(braked.predicted_deviation_m < whole.predicted_deviation_m);
+    assert!(braked.time_s > whole.time_s);
+    for wrong in [&[18.0, 0.0][..], &[]] {
+        let dense = densify(&legs, &Options::flight(0.5)).unwrap();
+        let fault = plan_flight(&legs, &dense, &plane, wrong, Policy::Slow).unwrap_err();
+        assert!(matches!(fault, NotFlyable::Speed { .. }), "{fault}");
+    }
 }
 
 #[test]
@@ -133,7 +164,7 @@ fn the_policy_refuse_names_the_place_the_figure_and_the_fastest_speed() {
     let legs = route();
     let dense = densify(&legs, &Options::flight(0.5)).unwrap();
     let plane = Airframe::FixedWing(banking(30.0));
-    let error = plan_flight(&legs, &dense, &plane, 18.0, Policy::Refuse).unwrap_err();
+    let error = plan_flight(&legs, &dense, &plane, &[18.0], Policy::Refuse).unwrap_err();
     let NotFlyable::TooFast(tight, 18.0) = error else {
         panic!("{error}")
     };
@@ -146,7 +177,7 @@ fn the_policy_refuse_names_the_place_the_figure_and_the_fastest_speed() {
         slowest_mps: 16.0,
         ..banking(30.0)
     });
-    let error = plan_flight(&legs, &dense, &slow_flyer, 18.0, Policy::Slow).unwrap_err();
+    let error = plan_flight(&legs, &dense, &slow_flyer, &[18.0], Policy::Slow).unwrap_err();
     assert!(matches!(error, NotFlyable::TooTight(..)), "{error}");
 }
 
@@ -158,7 +189,7 @@ fn a_multicopter_is_slowed_by_short_chords_and_the_flown_deviation_is_predicted(
         let dense = densify(&legs, &Options::flight(tolerance_m)).unwrap();
         (
             dense.bound_m,
-            plan_flight(&legs, &dense, &copter, speed, Policy::Slow).unwrap(),
+            plan_flight(&legs, &dense, &copter, &[speed], Policy::Slow).unwrap(),
         )
     };
     let (bound, tight) = plan(0.2, 5.0);
@@ -197,7 +228,7 @@ fn a_climbing_curve_is_flown_as_slowly_alone_as_in_its_route() {
     ];
     let plan = |legs: &[Leg], speed: f64, policy| {
         let dense = densify(legs, &Options::flight(0.5)).unwrap();
-        plan_flight(legs, &dense, &copter, speed, policy)
+        plan_flight(legs, &dense, &copter, &[speed], policy)
     };
     let [alone, route] = [&[curve][..], &whole].map(|legs| plan(legs, 12.0, Policy::Slow).unwrap());
     assert!(alone.changes[0].speed_mps < 12.0, "{alone:?}");
@@ -223,7 +254,7 @@ fn a_speed_that_is_none_is_refused() {
     let dense = densify(&legs, &Options::flight(0.5)).unwrap();
     let copter = Airframe::Multicopter(Multicopter::default());
     for speed in [0.0, -3.0, f64::NAN, f64::INFINITY] {
-        assert!(plan_flight(&legs, &dense, &copter, speed, Policy::Slow).is_err());
+        assert!(plan_flight(&legs, &dense, &copter, &[speed], Policy::Slow).is_err());
     }
 }
 

@@ -1,4 +1,4 @@
-//! `check`: whether a route can be flown at a speed, where it is too tight or too low, and what the flight adds to
+//! `check`: whether a route can be flown at its speeds, where it is too tight or too low, and what the flight adds to
 //! its deviation.
 
 use std::fmt::Write;
@@ -42,7 +42,7 @@ pub(crate) struct Command {
     /// Allow a route below home.
     #[arg(long)]
     below_home: bool,
-    /// Fly at this speed, m/s.
+    /// Fly at this speed where the file has named none yet, m/s.
     #[arg(
         long,
         value_name = "M/S",
@@ -88,12 +88,13 @@ impl Command {
         loaded.report_losses(&self.how)?;
         let (densified, tolerance_m) = loaded.densify(&self.how)?;
         let airframe = self.airframe()?;
+        let speeds = loaded.speeds(self.speed);
         let heights = Heights::of(
             &loaded,
             &densified,
             self.home,
             self.below_home,
-            self.speed,
+            &speeds,
             &airframe,
         )?;
         let policy = if self.policy == Tightness::Slow {
@@ -101,7 +102,7 @@ impl Command {
         } else {
             Policy::Refuse
         };
-        let plan = plan_flight(&loaded.legs, &densified, &airframe, self.speed, policy)
+        let plan = plan_flight(&loaded.legs, &densified, &airframe, &speeds, policy)
             .map_err(|fault| Failure::answer(&self.file, fault))?;
         let misread = misread(&loaded.legs, tolerance_m);
         let flown = self
@@ -111,11 +112,12 @@ impl Command {
             .transpose()?;
         if self.json {
             let mut report = self.report(&plan, densified.bound_m, &misread, flown.as_ref());
+            report["speeds_mps"] = json!(speeds);
             report["heights"] = heights.json();
             report["losses"] = loaded.route.losses.to_json();
             return print(&format!("{report}\n"));
         }
-        let mut text = self.text(&plan, densified.vertices.len(), densified.bound_m, &misread);
+        let mut text = text(&plan, &densified, &speeds, &misread);
         text += &heights.text();
         if let Some(flown) = flown {
             let _ = writeln!(
@@ -178,49 +180,50 @@ impl Command {
             "flown": flown.map(|f| json!({ "deviation_m": f.deviation_m, "points": f.points, "passed": f.passed })),
         })
     }
+}
 
-    fn text(
-        &self,
-        plan: &FlightPlan,
-        items: usize,
-        bound_m: f64,
-        misread: &[(usize, f64)],
-    ) -> String {
-        let mut out = format!(
-            "{items} items, proven within {bound_m:.3} m, {:.0} s, {:.0} s of that on curves\n",
-            plan.time_s, plan.curves_s
+fn text(
+    plan: &FlightPlan,
+    densified: &Densified,
+    speeds_mps: &[f64],
+    misread: &[(usize, f64)],
+) -> String {
+    let (items, bound_m) = (densified.vertices.len(), densified.bound_m);
+    let mut out = format!(
+        "{items} items, proven within {bound_m:.3} m, {:.0} s, {:.0} s of that on curves\n",
+        plan.time_s, plan.curves_s
+    );
+    for t in &plan.tight {
+        let _ = writeln!(
+            out,
+            "leg {} at t = {:.3} ({:.7}, {:.7}): radius {:.1} m, at most {:.1} m/s",
+            t.leg, t.t, t.position.lat_deg, t.position.lon_deg, t.radius_m, t.fastest_mps
         );
-        for t in &plan.tight {
-            let _ = writeln!(
-                out,
-                "leg {} at t = {:.3} ({:.7}, {:.7}): radius {:.1} m, at most {:.1} m/s",
-                t.leg, t.t, t.position.lat_deg, t.position.lon_deg, t.radius_m, t.fastest_mps
-            );
-        }
-        for c in &plan.changes {
-            let _ = writeln!(out, "from item {}: {:.1} m/s", c.vertex, c.speed_mps);
-        }
-        if plan.slowest_chord_mps < self.speed {
-            let slowest = plan.slowest_chord_mps;
-            let _ = writeln!(
-                out,
-                "short chords hold the autopilot to {slowest:.1} m/s: a larger tolerance is faster"
-            );
-        }
-        if let Some(deviation) = plan.predicted_deviation_m {
-            let _ = writeln!(
-                out,
-                "flown deviation, predicted and not promised: {deviation:.1} m"
-            );
-        }
-        for (leg, off) in misread {
-            let _ = writeln!(
-                out,
-                "leg {leg}: a station that draws it in latitude and longitude shows a line {off:.2} m off"
-            );
-        }
-        out
     }
+    for c in &plan.changes {
+        let _ = writeln!(out, "from item {}: {:.1} m/s", c.vertex, c.speed_mps);
+    }
+    let fastest = speeds_mps.iter().copied().fold(0.0, f64::max);
+    if plan.slowest_chord_mps < fastest {
+        let slowest = plan.slowest_chord_mps;
+        let _ = writeln!(
+            out,
+            "short chords hold the autopilot to {slowest:.1} m/s: a larger tolerance is faster"
+        );
+    }
+    if let Some(deviation) = plan.predicted_deviation_m {
+        let _ = writeln!(
+            out,
+            "flown deviation, predicted and not promised: {deviation:.1} m"
+        );
+    }
+    for (leg, off) in misread {
+        let _ = writeln!(
+            out,
+            "leg {leg}: a station that draws it in latitude and longitude shows a line {off:.2} m off"
+        );
+    }
+    out
 }
 
 /// Compares the flown track of a recording with the route.

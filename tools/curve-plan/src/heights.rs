@@ -55,7 +55,7 @@ struct Steep {
 }
 
 impl Heights {
-    /// Checks the heights of a route from `home`, or from its file's own.
+    /// Checks the heights of a route, with a speed for each leg, from `home`, or from its file's own.
     ///
     /// # Errors
     /// Home is needed and not known; or a part of the route is below home, unless that is `allowed`, or below the
@@ -65,7 +65,7 @@ impl Heights {
         densified: &Densified,
         home: Option<Home>,
         allowed: bool,
-        speed_mps: f64,
+        speeds_mps: &[f64],
         airframe: &Airframe,
     ) -> Result<Self, Failure> {
         let (route, home_alt_m) = (&loaded.route, loaded.home_alt_m);
@@ -114,7 +114,7 @@ impl Heights {
             }
         });
         let steep = (0..loaded.legs.len())
-            .filter_map(|leg| steep(densified, leg, steps[leg], speed_mps, airframe))
+            .filter_map(|leg| steep(densified, leg, steps[leg], speeds_mps[leg], airframe))
             .collect();
         Ok(Self {
             home,

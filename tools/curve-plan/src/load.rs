@@ -59,6 +59,22 @@ impl Loaded {
         })
     }
 
+    /// The speed on each leg, m/s: that of the file, where it names none that of the leg before, and `first_mps` before any.
+    pub(crate) fn speeds(&self, first_mps: f64) -> Vec<f64> {
+        let named = |point: usize| {
+            // The last leg of a closed route leads to the first point again, without a speed.
+            let speed = self.route.points.get(point)?.conduct.speed_m_s;
+            speed.filter(|speed_mps| *speed_mps > 0.0)
+        };
+        let mut speed_mps = named(0).unwrap_or(first_mps);
+        let legs = 0..self.legs.len();
+        legs.map(|leg| {
+            speed_mps = named(leg + 1).unwrap_or(speed_mps);
+            speed_mps
+        })
+        .collect()
+    }
+
     /// Reports what of the file the route does not have.
     pub(crate) fn report_losses(&self, how: &Densify) -> Result<(), Failure> {
         let file = self.file.display().to_string();

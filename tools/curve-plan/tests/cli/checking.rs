@@ -57,6 +57,31 @@ fn check_finds_the_tight_place_and_refuses_where_requested() {
 }
 
 #[test]
+fn check_flies_each_leg_at_the_speed_that_the_file_names() {
+    let files = Files::new();
+    let fast = ROUTE.replace("[defaults]\n", "[defaults]\nspeed = 20.0\n");
+    files.put("fast.toml", &fast);
+    // A slower leg to the curve, which begins at waypoint 20.
+    let slow = fast.replace("altitude = 510.0\n", "altitude = 510.0\nspeed = 12.0\n");
+    files.put("slow.toml", &slow);
+    let check = |file: &str, speed: &str| {
+        let route = ["check", file, "--home", HOME, "--speed", speed, "--json"];
+        let plane = ["--airframe", "plane", "--slowest", "5", "--bank", "30"];
+        files.json(&[&route[..], &plane, &["--wind", "0"]].concat())
+    };
+    let (named, given) = (check("fast.toml", "5"), check("route.toml", "20"));
+    for key in ["changes", "time_s", "predicted_deviation_m"] {
+        assert_eq!(named[key], given[key], "{key}");
+    }
+    let slow = check("slow.toml", "5");
+    assert_eq!(slow["speeds_mps"], serde_json::json!([12.0, 20.0]));
+    let figure = |report: &serde_json::Value, key: &str| report[key].as_f64().unwrap();
+    assert!(figure(&slow, "time_s") > figure(&named, "time_s"));
+    let predicted = "predicted_deviation_m";
+    assert!(figure(&slow, predicted) < figure(&named, predicted));
+}
+
+#[test]
 fn check_takes_the_airframe_of_a_vehicle_file() {
     let files = Files::new();
     files.put(
