@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use kit::bridge::memory_folder;
 use kit::process::{Running, free_udp_port, program};
 use tempfile::TempDir;
 
@@ -172,7 +173,7 @@ struct Scene {
 
 impl Scene {
     fn new() -> Scene {
-        let folder = tempfile::tempdir().expect("a folder");
+        let folder = memory_folder();
         for name in ["square.route.toml", "area.fence.toml"] {
             let from = kit::workspace().join("examples").join(name);
             fs::copy(from, folder.path().join(name)).expect(name);

@@ -32,7 +32,7 @@ mod web;
 pub use crate::network::Faults;
 pub use guard::{StationGuard, access_key, guard_key};
 pub use parties::{VSM, bridge_mav, cucs, key, station_address, vehicle_address, vehicle_id};
-pub use real_time::Processes;
+pub use real_time::{Processes, memory_folder};
 pub use rig::{FORWARD_KEYS, Restart, Rig, Setup};
 pub use station::{Station, Ticket};
 pub use web::WebParty;

@@ -609,6 +609,13 @@ impl Rig {
         if bridge.poll_timeout(now.mono) <= now.mono {
             bridge.handle_timeout(now, &mut self.store);
         }
+        if !bridge.may_send() {
+            let nothing = bridge.poll_lift().is_none()
+                && bridge.poll_dli().is_none()
+                && bridge.poll_vehicle().is_none()
+                && bridge.poll_forward().is_none();
+            assert!(nothing, "the shell would not be woken to send this");
+        }
         while let Some((to, lift)) = bridge.poll_lift() {
             self.dli.send(clock, bridge_dli(), to, lift.into_vec());
         }

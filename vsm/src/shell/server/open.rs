@@ -1,6 +1,6 @@
 //! How a server opens its store, keys, sockets and recordings, before anything is sent.
 
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::io;
 use std::net::SocketAddr;
 use std::rc::Rc;
@@ -16,7 +16,7 @@ use super::encryption::open_encryption;
 use super::forward;
 use super::guard_thread::GuardThread;
 use super::guards;
-use super::shared::{Core, OpenPort, Shared};
+use super::shared::{Alarm, Core, OpenPort, Shared};
 use super::vehicle::{find_port, open_exchange, open_keys, open_port, record_vehicle, share};
 use super::{Server, StartError};
 use crate::config::Config;
@@ -174,8 +174,7 @@ impl Server {
                 gathering: Arc::default(),
             }),
             outgoing: Notify::new(),
-            wakes_at: Cell::default(),
-            timing: Notify::new(),
+            alarm: Alarm::default(),
             stored,
             zeroize: Notify::new(),
             ended: Notify::new(),

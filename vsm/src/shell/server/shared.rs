@@ -50,16 +50,44 @@ pub(super) struct Shared {
     pub(super) events: RefCell<Events>,
     /// Something waits to be sent.
     pub(super) outgoing: Notify,
-    /// When the task that keeps time will look again. Where the next timeout has moved to later, it wakes up once in vain.
-    pub(super) wakes_at: Cell<Duration>,
-    /// The next timeout is before that.
-    pub(super) timing: Notify,
+    /// Wakes the task that keeps time.
+    pub(super) alarm: Alarm,
     /// The disk has made something durable, or has failed to.
     pub(super) stored: Arc<Notify>,
     /// An order to zeroize must be stored.
     pub(super) zeroize: Notify,
     /// The order is stored and announced: the bridge ends.
     pub(super) ended: Notify,
+}
+
+/// When the task that keeps time wakes up.
+///
+/// No wake-up is lost: between its look at what is due and [`Alarm::set`] the task does not wait, so nothing becomes due in between,
+/// as all is on one thread; whatever becomes due after that, does so in [`Shared::with`], which calls [`Alarm::due`].
+#[derive(Debug, Default)]
+pub(super) struct Alarm {
+    /// Where the next timeout has moved to later, the task wakes up once in vain.
+    at: Cell<Duration>,
+    earlier: Notify,
+}
+
+impl Alarm {
+    /// Something is due then: wakes the task where it would sleep longer.
+    fn due(&self, at: Duration) {
+        if at < self.at.get() {
+            self.earlier.notify_one();
+        }
+    }
+
+    /// The task sleeps until then, for nothing is due before.
+    pub(super) fn set(&self, at: Duration) {
+        self.at.set(at);
+    }
+
+    /// Waits until something is due before that.
+    pub(super) async fn earlier(&self) {
+        self.earlier.notified().await;
+    }
 }
 
 /// An open link, which a task reads.
@@ -192,6 +220,10 @@ impl Core {
 
 impl Shared {
     /// Calls the bridge, then handles what follows from the call.
+    ///
+    /// Every task comes through here with what it has received, with a result of another thread (the disk, keys of guards, a
+    /// reload), or because something is due: so this is the one place that wakes the tasks that send and that keep time. What a
+    /// task does with the core beside it is to take out what is there, and to count.
     pub(super) fn with<T>(&self, act: impl FnOnce(&mut Core, Now) -> T) -> T {
         let mut core = self.core.borrow_mut();
         let now = self.clock.now();
@@ -247,9 +279,7 @@ impl Shared {
         if core.may_send() {
             self.outgoing.notify_one();
         }
-        if core.poll_timeout(now.mono) < self.wakes_at.get() {
-            self.timing.notify_one();
-        }
+        self.alarm.due(core.poll_timeout(now.mono));
         done
     }
 
@@ -305,3 +335,76 @@ impl Source for Rc<Shared> {
 
 const NO_LEASE: &str = "the lease of this node has ended, and etcd has not renewed it: it answers no station and commands no vehicle until \
     etcd does; see that it reaches etcd";
+
+#[cfg(test)]
+mod tests {
+    use std::pin::pin;
+    use std::task::{Context, Poll, Waker};
+
+    use super::*;
+
+    /// The task that keeps time, as `keep_time` has it, one step at a time.
+    #[derive(Debug, Default)]
+    struct Keeper {
+        alarm: Alarm,
+        /// Until when it sleeps; `None` while it has not begun, or works.
+        sleeps: Option<Duration>,
+    }
+
+    impl Keeper {
+        /// Whether the runtime would run it now; a notification is used up.
+        fn is_woken(&mut self, now: Duration) -> bool {
+            let Some(until) = self.sleeps else {
+                return true;
+            };
+            let notified = pin!(self.alarm.earlier());
+            let notified = notified.poll(&mut Context::from_waker(Waker::noop()));
+            until <= now || notified == Poll::Ready(())
+        }
+
+        /// It is run: looks, and works or sleeps. Returns whether it has worked.
+        fn run(&mut self, now: Duration, due: Duration) -> bool {
+            if !self.is_woken(now) {
+                return false;
+            }
+            self.sleeps = (due > now).then_some(due);
+            if let Some(until) = self.sleeps {
+                self.alarm.set(until);
+            }
+            self.sleeps.is_none()
+        }
+    }
+
+    /// Every history of seven steps: time passes, a call leaves something due (now, soon, later, at the end of all), the task is run.
+    #[test]
+    fn what_is_due_is_done_whenever_it_has_become_due() {
+        const MS: Duration = Duration::from_millis(1);
+        const STEPS: u32 = 7;
+        for history in 0..6_u32.pow(STEPS) {
+            let (mut keeper, mut now, mut due) = (Keeper::default(), MS, 9 * MS);
+            for step in 0..STEPS {
+                match history / 6_u32.pow(step) % 6 {
+                    0 => now += MS,
+                    1 => {
+                        // What is done leaves the next thing far away.
+                        if keeper.run(now, due) {
+                            due = now + 9 * MS;
+                        }
+                    }
+                    choice => {
+                        due = now + MS * [0, 1, 3, 9][choice as usize - 2];
+                        keeper.alarm.due(due);
+                    }
+                }
+            }
+            // Nothing else happens: the runtime runs it until it sleeps, then when its time has come.
+            for _ in 0..3 {
+                if keeper.run(now, due) {
+                    due = now + 9 * MS;
+                }
+            }
+            let until = keeper.sleeps.expect("it sleeps");
+            assert!(until <= due, "history {history}: {until:?}, due {due:?}");
+        }
+    }
+}

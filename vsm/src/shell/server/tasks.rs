@@ -520,12 +520,12 @@ pub(super) async fn keep_time(shared: Rc<Shared>, beat: Rc<Beat>) {
             beat.during(tokio::time::sleep(SHORTEST_WAIT)).await;
             continue;
         }
-        shared.wakes_at.set(due);
+        shared.alarm.set(due);
         let due = tokio::time::sleep_until(shared.clock.instant(due).into());
         beat.during(async {
             tokio::select! {
                 () = due => {}
-                () = shared.timing.notified() => {}
+                () = shared.alarm.earlier() => {}
             }
         })
         .await;
