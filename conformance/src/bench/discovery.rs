@@ -1,13 +1,17 @@
-//! Discovery of the subject: the survey at the beginning of a run, and whether the subject is still alive.
+//! Discovery of the subject: the survey at the beginning of a run, whether the subject is still alive, and for how long it
+//! was silent.
 //!
 //! Where the profile names no ids, the ids of this project's examples are tried. A subject that answers but knows
 //! none of them is reported as such, and not as a subject that does not answer.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
+use std::time::Duration;
 
 use stanag_msgs::Id;
 
 use super::context::Bench;
+use super::net::Datagram;
 use super::station::{Access, Station, loi};
 use super::survey::{CucsFound, Survey, VehicleFound, bits};
 use crate::verdict::Judged;
@@ -231,4 +235,75 @@ pub fn alive(bench: &Arc<Bench>) -> bool {
     }
     // A subject that does not answer broadcasts is not dead.
     station.request(0, Access::Release).is_ok()
+}
+
+/// The longest time since `mark` in which the subject sent nothing at all although something was sent to it repeatedly,
+/// where it is at least the time of an answer. A subject that restarts is silent like that, and one that is not on the
+/// network; one that leaves out a single answer is not, while it reports its status.
+#[must_use]
+pub fn silence(bench: &Bench, mark: usize) -> Option<Duration> {
+    let recording = bench.net.recording();
+    let since = recording.datagrams.get(mark..)?;
+    longest_silence(since, bench.net.now()).filter(|silence| *silence >= bench.timers.answer)
+}
+
+fn longest_silence(datagrams: &[Datagram], now: Duration) -> Option<Duration> {
+    let mut begin = 0;
+    let mut longest: Option<Duration> = None;
+    for unanswered in datagrams.split(|datagram| datagram.direction == Direction::Received) {
+        let end = datagrams
+            .get(begin + unanswered.len())
+            .map_or(now, |answer| answer.at);
+        begin += unanswered.len() + 1;
+        let mut contents = BTreeSet::new();
+        let repeated = unanswered.iter().any(|sent| !contents.insert(&sent.bytes));
+        if let Some(first) = unanswered.first().filter(|_| repeated) {
+            longest = longest.max(Some(end.saturating_sub(first.at)));
+        }
+    }
+    longest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn datagram(at_ms: u64, direction: Direction, content: u8) -> Datagram {
+        let at = Duration::from_millis(at_ms);
+        let address = "127.0.0.1:1".parse().unwrap();
+        let ends = (address, address);
+        Datagram::new((at, at), direction, 0, ends, vec![content], None)
+    }
+
+    #[test]
+    fn a_silence_lasts_from_the_first_request_to_the_next_answer() {
+        let sent = |at_ms, content| datagram(at_ms, Direction::Sent, content);
+        let received = |at_ms| datagram(at_ms, Direction::Received, 0);
+        let longest = |datagrams: &[Datagram]| {
+            longest_silence(datagrams, Duration::from_millis(900)).map(|time| time.as_millis())
+        };
+        assert_eq!(longest(&[]), None);
+        // Each is answered, or waited for in vain but once.
+        let answered = [sent(0, 1), received(300), sent(310, 1), received(600)];
+        assert_eq!(longest(&answered), None);
+        assert_eq!(longest(&[sent(0, 1), sent(100, 2), received(800)]), None);
+        // A repetition that is answered, and one that is not answered yet.
+        let lost = [
+            sent(0, 1),
+            received(5),
+            sent(10, 2),
+            sent(210, 2),
+            received(230),
+        ];
+        assert_eq!(longest(&lost), Some(220));
+        let open = [
+            sent(0, 1),
+            sent(10, 2),
+            received(20),
+            sent(40, 3),
+            sent(50, 2),
+            sent(60, 3),
+        ];
+        assert_eq!(longest(&open), Some(860));
+    }
 }
