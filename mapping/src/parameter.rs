@@ -19,6 +19,7 @@ pub const NAMES: &[&str] = &[
     "COM_DL_LOSS_T",
     "COM_OBL_RC_ACT",
     "COM_OF_LOSS_T",
+    "COM_RC_IN_MODE",
     "FW_AIRSPD_MAX",
     "FW_AIRSPD_MIN",
     "FW_AIRSPD_TRIM",
@@ -67,6 +68,17 @@ impl Parameters {
     #[must_use]
     pub fn above_zero(&self, name: &str) -> Option<f64> {
         self.get(name).filter(|value| *value > 0.0)
+    }
+
+    /// Why PX4 ignores the sticks of a ground station (MANUAL_CONTROL), where it is known to do so: then it refuses every
+    /// mode that is flown by them, and where a remote control is on, flies that one's.
+    #[must_use]
+    pub fn ignores_sticks(&self) -> Option<&'static str> {
+        match self.get("COM_RC_IN_MODE")? as i64 {
+            0 => Some("COM_RC_IN_MODE is 0 (a remote control only)"),
+            4 => Some("COM_RC_IN_MODE is 4 (none)"),
+            _ => None,
+        }
     }
 
     /// Takes in a value; true where it is another than before. Names that are not in [`NAMES`] are not kept.
@@ -324,6 +336,17 @@ mod tests {
         assert_eq!(parameters.get("NAV_LOITER_RAD"), Some(80.0));
         assert!(parameters.set("GF_MAX_HOR_DIST", 0.0));
         assert_eq!(parameters.above_zero("GF_MAX_HOR_DIST"), None);
+    }
+
+    #[test]
+    fn sticks_are_ignored_by_two_values_of_their_source() {
+        let mut parameters = Parameters::default();
+        assert_eq!(parameters.ignores_sticks(), None, "not known");
+        let ignored = (0..=8).filter(|value| {
+            parameters.set("COM_RC_IN_MODE", f64::from(*value));
+            parameters.ignores_sticks().is_some()
+        });
+        assert_eq!(ignored.collect::<Vec<_>>(), [0, 4]);
     }
 
     #[test]

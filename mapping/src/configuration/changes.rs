@@ -4,8 +4,8 @@
 //! 2017), and the mode that the vehicle is in. 44001 reports the floats among the vehicle's controls
 //! ([`super::Controls`]).
 //!
-//! Modes 11, 15, 20 and 21 can be commanded at times only: 44003 reports when ([`Available`]). Mode 2 needs sticks (2010)
-//! beforehand, which is up to the station itself.
+//! Modes 11, 15, 20 and 21 can be commanded at times only, and mode 2 where the vehicle takes sticks: 44003 reports when
+//! ([`Available`]). That sticks (2010) come before mode 2 is up to the station itself.
 
 use stanag_msgs::Message;
 use stanag_msgs::enums::{EnumIndexEnable, FieldAvailable, FlightPathControlMode};
@@ -84,6 +84,8 @@ fn field(message: u16, name: &str) -> Option<&'static table::FieldInfo> {
 /// Which modes can be commanded now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Available {
+    /// 2: the vehicle takes the sticks of a ground station.
+    pub manual: bool,
     /// 11: a route is loaded, and a vehicle with wings is in the air.
     pub waypoint: bool,
     /// 15: the vehicle is in the air.
@@ -111,8 +113,9 @@ impl Available {
             .map(|((mode, available), _)| availability(mode, available))
     }
 
-    fn states(self) -> [(FlightPathControlMode, bool); 4] {
+    fn states(self) -> [(FlightPathControlMode, bool); 5] {
         [
+            (FlightPathControlMode::FlightDirector, self.manual),
             (FlightPathControlMode::Waypoint, self.waypoint),
             (FlightPathControlMode::Autopilot, self.autopilot),
             (FlightPathControlMode::AutolandWaveOff, self.wave_off),
@@ -164,6 +167,40 @@ mod tests {
         };
         assert_eq!(reported.requested_field, Some(2));
         assert_eq!(reported.commanded_enumeration_index_value, Some(19));
+    }
+
+    #[test]
+    fn every_mode_that_comes_and_goes_is_listed_and_only_those_that_changed_are_reported() {
+        let listed = |messages: Vec<Message>| -> Vec<(u8, EnumIndexEnable)> {
+            let of = |message| match message {
+                Message::MessageParameterAvailability(m) => {
+                    assert_eq!(
+                        (m.reported_message, m.reported_field),
+                        (Some(2016), Some(2))
+                    );
+                    m.reported_enumerated_index.zip(m.enumerated_index_enable)
+                }
+                _ => None,
+            };
+            messages.into_iter().filter_map(of).collect()
+        };
+        let before = Available {
+            manual: false,
+            waypoint: true,
+            autopilot: false,
+            wave_off: false,
+            launch: true,
+        };
+        let (yes, no) = (EnumIndexEnable::Available, EnumIndexEnable::Unavailable);
+        let all = listed(before.all().collect());
+        assert_eq!(all, [(2, no), (11, yes), (15, no), (20, no), (21, yes)]);
+        let now = Available {
+            manual: true,
+            launch: false,
+            ..before
+        };
+        let changed = listed(now.changes(&before).collect());
+        assert_eq!(changed, [(2, yes), (21, no)]);
     }
 
     #[test]

@@ -10,9 +10,9 @@ use stanag_msgs::enums::{
 use stanag_msgs::json::encode_line;
 use stanag_msgs::messages::{
     FieldConfigurationRequest, Heartbeat, LoiterConfiguration, MessageParameterAvailability,
-    VehicleOperatingModeCommand,
+    ParameterSetCommand, UaStickCommand, VehicleOperatingModeCommand,
 };
-use stanag_msgs::{Message, Scaled, table};
+use stanag_msgs::{Message, Scaled, Text, table};
 
 /// What the answers report of one field, in steps on the wire.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -252,6 +252,32 @@ fn a_wing_on_the_ground_is_offered_no_route_before_its_launch() {
     assert_eq!(early, Some(AckType::Refused));
     rig.take_off(50.0);
     assert_eq!(available(&rig, &[11, 21]), [11]);
+}
+
+#[test]
+fn manual_flight_is_offered_only_where_the_vehicle_takes_sticks() {
+    let mut rig = Rig::ready_with(Setup {
+        vehicles: vec![px4_sim::Config {
+            // A remote control only.
+            params: vec![(px4_sim::Param::COM_RC_IN_MODE, 0.0)],
+            ..px4_sim::Config::default()
+        }],
+        ..Setup::default()
+    });
+    rig.done(ask(ConfigRequestType::Loi4));
+    rig.run(1.0);
+    assert!(available(&rig, &[2]).is_empty());
+    rig.send_once(UaStickCommand::default());
+    let by_hand = rig.carry_out(orders::mode(Mode::FlightDirector));
+    assert_eq!(by_hand, Some(AckType::Refused));
+    assert!(rig.station().has_alert("COM_RC_IN_MODE is 0"));
+    // Whoever sets it, here the station itself.
+    rig.done(ParameterSetCommand {
+        parameter_name: Some(Text::new("COM_RC_IN_MODE")),
+        commanded_value: Some(1.0),
+        ..ParameterSetCommand::default()
+    });
+    assert!(rig.until(2.0, |rig| available(rig, &[2]) == [2]));
 }
 
 #[test]

@@ -15,6 +15,7 @@ use mavlink_link::service::Node;
 use super::command::{Command, is_for};
 use super::operator::changes_state;
 use super::state::{ClockFault, Outgoing, Vehicle};
+use crate::config::Param;
 use crate::flight::steering::{Setpoint, Sticks};
 
 impl Vehicle {
@@ -53,8 +54,11 @@ impl Vehicle {
                 self.payloads.set_attitude(from, m, own.component);
             }
             M::MANUAL_CONTROL(m) if m.target == own.system => {
-                self.sticks = Sticks::new(m);
-                self.commander.sticks(now);
+                // ManualControlSelector: 0 takes those of a remote control alone, 4 none.
+                if !matches!(self.params.int(Param::COM_RC_IN_MODE), 0 | 4) {
+                    self.sticks = Sticks::new(m);
+                    self.commander.sticks(now);
+                }
             }
             M::SET_POSITION_TARGET_LOCAL_NED(m)
                 if is_for(own, m.target_system, m.target_component) =>

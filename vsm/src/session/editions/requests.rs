@@ -6,17 +6,19 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use mapping::configuration::Controls;
 use stanag_msgs::ed25::record::ed4;
 use stanag_msgs::ed25::{self, Record, places};
-use stanag_msgs::enums::AckType;
+use stanag_msgs::enums::{AckType, EnumIndexEnable};
 use stanag_msgs::messages::{
     ConfigurationComplete, FieldConfigurationEnumeratedResponse, FieldConfigurationFloatResponse,
     FieldConfigurationIntegerResponse, FieldConfigurationRequest,
     FieldConfigurationUnsignedResponse, GenericInformationRequestMessage, MessageAcknowledgement,
     MessageParameterAvailability, ParameterSetCommand, ScheduleMessageUpdateCommand,
+    VehicleOperatingModeCommand,
 };
 use stanag_msgs::table::{self, Direction, FieldInfo, MessageInfo, Wire};
 use stanag_msgs::{Id, Message, TimeStamp};
 
 use super::form::{Refusal, Standing, new, to};
+use super::steering::MANUAL;
 
 /// The requests of a station, by the numbers of its edition.
 #[derive(Debug, Default)]
@@ -246,6 +248,7 @@ impl Requests {
         if message == ParameterSetCommand::ID && field >= Controls::FIRST {
             return Some(vec![control(answer, field)]);
         }
+        let is_manual = (message, field) == MODE && answer.number(8) == Some(f64::from(MANUAL));
         let places = places(message, field);
         let records = places.map(|(info, field)| match id {
             MessageParameterAvailability::ID => {
@@ -255,6 +258,10 @@ impl Requests {
                 record.set(8, field.map_or(0, |field| field.bit + 1));
                 if answer.number(7).is_none() {
                     record.set(9, 0);
+                }
+                // Whatever the vehicle takes: this edition has no sticks.
+                if is_manual {
+                    record.set(11, EnumIndexEnable::NotImplemented.raw());
                 }
                 record
             }
@@ -455,6 +462,8 @@ const UNITS: [&str; 10] = [
 ];
 /// #2011, for 50011.
 const PARAMETER_SET: u32 = 2011;
+/// Select Flight Path Control Mode, its field counted from 1.
+const MODE: (u16, u8) = (VehicleOperatingModeCommand::ID, 2);
 const SINGLE: u32 = 0;
 const ABORT: u32 = 6;
 /// Messages that the translator answers itself, so they are supported.

@@ -515,7 +515,7 @@ const UNTIL_REACHED: u8 = 1;
 const AT_ITS_PLACE_M: f64 = 15.0;
 /// Maximum number of modes commanded within the time in which one is entered.
 const MAX_COMMANDED: usize = 8;
-const MANUAL: u8 = 2;
+pub(super) const MANUAL: u8 = 2;
 const WAYPOINT: u8 = 11;
 const LOITER: u8 = 12;
 const AUTOPILOT: u8 = 15;

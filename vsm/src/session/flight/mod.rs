@@ -667,6 +667,11 @@ impl Flight {
         effects: &mut Effects<'_>,
     ) {
         let now = context.mono();
+        // A remote control may be on: the vehicle would enter the mode, and not be flown by this CUCS.
+        if let Some(why) = context.parameters.values.ignores_sticks() {
+            let why = format!("mode 2 (manual): the vehicle ignores sticks (2010): its {why}");
+            return effects.refuse(origin, why);
+        }
         if !self.sticks.fresh(now) {
             let why =
                 "mode 2 (manual): no sticks (2010) received; send them first, at 10 Hz or more";

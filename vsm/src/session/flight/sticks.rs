@@ -3,7 +3,7 @@
 //! are at least 15 ms apart: the newest stick waits for that.
 //!
 //! The stream starts with mode 2 (2016) and not before: PX4 breaks off a mission when sticks move. Mode 2 is refused without
-//! sticks. When they stop, the stream stops too, [`FRESH`] later: PX4 then detects the loss and acts as configured
+//! sticks, and where the vehicle ignores them (COM_RC_IN_MODE). When they stop, the stream stops too, [`FRESH`] later: PX4 then detects the loss and acts as configured
 //! (COM_RC_LOSS_T, NAV_RCL_ACT). The stream ends with the mode; continuing needs another 2016.
 //!
 //! No source gives the scale of the sticks: per cent of travel, -100 to 100, throttle 0 to 100. Right, forward (nose

@@ -199,6 +199,21 @@ fn sticks_stream_before_manual_flight_and_no_longer_once_it_is_refused() {
 }
 
 #[test]
+fn manual_flight_is_refused_where_the_vehicle_ignores_sticks() {
+    const TAKEN: &[AckType] = &[AckType::Received];
+    const REFUSED: &[AckType] = &[AckType::Received, AckType::Refused];
+    for (source, expected) in [(0.0, REFUSED), (4.0, REFUSED), (1.0, TAKEN)] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+        world.parameters.set("COM_RC_IN_MODE", source);
+        command(&mut world, &mut flight, sticks());
+        let answers = command(&mut world, &mut flight, select(Mode::FlightDirector));
+        assert_eq!(answers, expected, "{source}");
+        let streams = !world.posts().is_empty();
+        assert_eq!(streams, expected == TAKEN, "{source}");
+    }
+}
+
+#[test]
 fn within_its_mode_steering_changes_set_points_alone() {
     let (mut world, mut flight) = steered();
     world.posts();

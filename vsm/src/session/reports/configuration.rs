@@ -134,7 +134,7 @@ impl Configuration {
         answers.push(now, to, all, Some(origin));
         // The answer at this level lists the modes that can be commanded now. Changes of them follow from here on.
         if let Scope::Level(Level::Control) = request.scope {
-            let available = available_modes(context, mission);
+            let available = available_modes(context, mission, &self.parameters);
             self.configured.insert(to);
             self.modes = Some(available);
             answers.push(now, to, available.all(), None);
@@ -340,7 +340,7 @@ impl Configuration {
     ) {
         // Without a configured station there is nothing to update.
         if let Some(before) = self.modes {
-            let available = available_modes(context, mission);
+            let available = available_modes(context, mission, &self.parameters);
             self.modes = Some(available);
             let changed: Vec<Message> = available.changes(&before).collect();
             self.report_changes(&changed, None, answers, effects);
@@ -443,7 +443,11 @@ impl Configuration {
 
 /// What flight accepts now, as far as the vehicle has reported it. An unavailable mode may not be offered by a station: one
 /// that is commanded and not shown yet changes nothing here before the vehicle shows it.
-fn available_modes(context: &Context<'_>, mission: &MissionView<'_>) -> Available {
+fn available_modes(
+    context: &Context<'_>,
+    mission: &MissionView<'_>,
+    parameters: &Parameters,
+) -> Available {
     let telemetry = &context.vehicle.telemetry;
     let route = mission.uploaded.or(mission.loaded).is_some();
     let lands = || {
@@ -451,6 +455,7 @@ fn available_modes(context: &Context<'_>, mission: &MissionView<'_>) -> Availabl
         Some(mission.uploaded?.compiled.lands(seq))
     };
     Available {
+        manual: parameters.ignores_sticks().is_none(),
         waypoint: route && !(telemetry.airframe().has_wings() && telemetry.stands()),
         autopilot: telemetry.airborne(),
         wave_off: match telemetry.mode {

@@ -240,6 +240,18 @@ fn the_configuration_phase_speaks_in_messages_and_fields_of_the_edition() {
     };
     assert!(refused(47, 0), "#47 is not supported");
     assert!(!refused(48, 0));
+    // Mode 2 is flown by sticks, which this edition does not have.
+    let offered = |mode: u8| {
+        let of_mode = |one: &&Value| {
+            one["Reported Message"] == 42
+                && one["Reported Field"] == 4
+                && one["Reported Enumerated Index"] == mode
+        };
+        let latest = modes.iter().rfind(of_mode);
+        latest.expect("a mode that is listed")["Enumerated Index Enable"] == 0
+    };
+    assert!(!offered(2));
+    assert!(offered(21));
     assert_eq!(station.take(&rig, 1203).len(), 1);
 }
 
