@@ -233,6 +233,12 @@ impl AirsideConfig {
             let found = px4.link.to_string();
             return fault(px4_at, "px4.link", found, "another link than radio.link");
         }
+        if px4.link.leads_away() && !px4.i_trust_this_link {
+            let found = px4.link.to_string();
+            let expected = "a serial line or a loopback address: PX4's keys go over it; or vouch for it with \
+                            px4.i_trust_this_link = true";
+            return fault(px4_at, "px4.link", found, expected);
+        }
         if radio.talkers.is_empty() || radio.talkers.len() > AllowedStreams::MAX {
             let found = format!("a list of {}", radio.talkers.len());
             return fault(radio_at, "radio.talkers", found, "1 to 8 talkers");

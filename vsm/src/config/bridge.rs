@@ -553,6 +553,7 @@ impl Config {
             vehicle.check(at)?;
         }
         self.check_forwards()?;
+        self.check_ports()?;
         self.zeroize.check()?;
         let Authority {
             warn_s,
@@ -636,6 +637,31 @@ impl Config {
         Ok(())
     }
 
+    /// That no two of its sockets want the same port.
+    fn check_ports(&self) -> Result<(), Fault> {
+        let vehicles = self.vehicle.iter().filter_map(|spanned| {
+            let (link, at) = (&spanned.get_ref().link, spanned.span().start);
+            Some((at, "vehicle.link", link.waits_at()?, link.to_string()))
+        });
+        let (tcp, udp): (Vec<_>, Vec<_>) = self
+            .forward
+            .iter()
+            .filter_map(|spanned| {
+                let (link, at) = (&spanned.get_ref().link, spanned.span().start);
+                Some((at, "forward.link", *link.waits_at()?, link.to_string()))
+            })
+            .partition(|(_, _, _, link)| link.starts_with("tcpin:"));
+        let listen = self.dli.listen;
+        let page = self.http.as_ref().map(|http| http.listen);
+        let page = page.map(|at| (0, "http.listen", at, at.to_string()));
+        let udp = [(0, "dli.listen", listen, listen.to_string())]
+            .into_iter()
+            .chain(vehicles)
+            .chain(udp);
+        no_port_twice(udp)?;
+        no_port_twice(page.into_iter().chain(tcp))
+    }
+
     /// What a VSM cannot do that several computers can serve: what is kept elsewhere than in the store, or needs what is.
     fn check_fleet(&self) -> Result<(), Fault> {
         if self.store.kind == StoreKind::Files {
@@ -709,6 +735,37 @@ impl Config {
             }
         }
     }
+}
+
+/// Places in the file, keys, addresses, and the values as the file has them. Vehicles may share a link.
+fn no_port_twice(
+    sockets: impl Iterator<Item = (usize, &'static str, SocketAddr, String)>,
+) -> Result<(), Fault> {
+    let mut known: Vec<(&str, SocketAddr, String)> = Vec::new();
+    for (at, key, address, value) in sockets {
+        let is_shared = |one: &(&str, SocketAddr, String)| one.0 == key && one.2 == value;
+        if known.iter().any(is_shared) {
+            continue;
+        }
+        if let Some((other, _, of)) = known.iter().find(|one| overlap(one.1, address)) {
+            let expected = format!("a port that nothing else of this file has: {other} is {of}");
+            return fault(at, key, value, &expected);
+        }
+        known.push((key, address, value));
+    }
+    Ok(())
+}
+
+/// Whether the system would refuse the second of two sockets at these addresses.
+fn overlap(one: SocketAddr, other: SocketAddr) -> bool {
+    // `[::]` is every address of IPv4 too.
+    let covers = |wide: SocketAddr, narrow: SocketAddr| {
+        wide.ip().is_unspecified() && (wide.is_ipv6() || narrow.is_ipv4())
+    };
+    // The system chooses a free port for 0.
+    one.port() != 0
+        && one.port() == other.port()
+        && (one.ip() == other.ip() || covers(one, other) || covers(other, one))
 }
 
 fn max_mb() -> u32 {

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::net::SocketAddr;
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use dli_group::Interface;
@@ -39,6 +39,33 @@ impl LinkAddress {
         match self {
             LinkAddress::UdpOut(host) => Some(host),
             LinkAddress::UdpIn(_) | LinkAddress::Serial { .. } => None,
+        }
+    }
+
+    /// The address at which it waits for the vehicle.
+    pub(super) fn waits_at(&self) -> Option<SocketAddr> {
+        match self {
+            LinkAddress::UdpIn(address) => Some(*address),
+            LinkAddress::UdpOut(_) | LinkAddress::Serial { .. } => None,
+        }
+    }
+
+    /// Whether it leads out of this computer, as far as that shows without a name server.
+    pub(super) fn leads_away(&self) -> bool {
+        let address = match self {
+            LinkAddress::UdpIn(address) => Some(*address),
+            LinkAddress::UdpOut(host) => host.parse().ok(),
+            LinkAddress::Serial { .. } => None,
+        };
+        address.is_some_and(|address| !address.ip().is_loopback())
+    }
+
+    /// The device file of a serial line.
+    #[must_use]
+    pub fn device(&self) -> Option<&Path> {
+        match self {
+            LinkAddress::Serial { device, .. } => Some(Path::new(device)),
+            LinkAddress::UdpIn(_) | LinkAddress::UdpOut(_) => None,
         }
     }
 }

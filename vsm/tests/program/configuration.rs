@@ -299,6 +299,48 @@ fn vehicles_of_one_link_differ_in_their_system_ids() {
 }
 
 #[test]
+fn a_port_is_given_once() {
+    let own = "a port that nothing else of this file has: ";
+    for (from, to, wanted) in [
+        (
+            "udpin:127.0.0.1:14550",
+            "udpin:0.0.0.0:4586",
+            format!(
+                "vehicle.link is udpin:0.0.0.0:4586, expected {own}dli.listen is 127.0.0.1:4586"
+            ),
+        ),
+        (
+            "listen = \"127.0.0.1:4586\"",
+            "listen = \"[::]:14550\"",
+            format!(
+                "vehicle.link is udpin:127.0.0.1:14550, expected {own}dli.listen is [::]:14550"
+            ),
+        ),
+        (
+            "[http]",
+            "[[forward]]\nname = \"a\"\nlink = \"tcpin:127.0.0.1:8586\"\n[http]",
+            format!(
+                "forward.link is tcpin:127.0.0.1:8586, expected {own}http.listen is 127.0.0.1:8586"
+            ),
+        ),
+    ] {
+        let fault = refusal(&GOOD.replace(from, to));
+        assert!(fault.contains(&wanted), "{fault}");
+    }
+    // At another address, of another protocol, or one that the system chooses.
+    for (from, to) in [
+        ("udpin:127.0.0.1:14550", "udpin:127.0.0.2:4586"),
+        ("127.0.0.1:8586", "127.0.0.1:4586"),
+        ("127.0.0.1:4586", "127.0.0.1:0"),
+    ] {
+        let text = GOOD
+            .replace(from, to)
+            .replace("udpin:127.0.0.1:14550", "udpin:127.0.0.1:0");
+        Config::parse(&text, Path::new("")).unwrap_or_else(|fault| panic!("{to}: {fault}"));
+    }
+}
+
+#[test]
 fn another_ground_station_is_refused_where_it_would_be_open() {
     let with = |keys: &str| GOOD.to_owned() + "[[forward]]\n" + keys;
     let good = [
@@ -477,6 +519,16 @@ fn the_agents_file_is_refused_with_the_key_and_what_was_expected() {
             "agent.component_id",
         ),
         ("udpin:127.0.0.1:14550", "udpin:127.0.0.1:14560", "px4.link"),
+        (
+            "udpin:127.0.0.1:14550",
+            "udpin:0.0.0.0:14550",
+            "px4.i_trust_this_link",
+        ),
+        (
+            "udpin:127.0.0.1:14550",
+            "udpout:192.0.2.1:14550",
+            "a loopback address",
+        ),
         (
             "vsm_id = \"1b:00:00:01\"",
             "vsm_id = \"1b:00:01:01\"",
