@@ -195,6 +195,12 @@ impl AirsideConfig {
         toml::from_str::<toml::Table>(text).is_ok_and(|table| table.contains_key("agent"))
     }
 
+    /// Whether a file is meant as one, as far as it can be read.
+    #[must_use]
+    pub fn is_at(path: &Path) -> bool {
+        ConfigError::read(path, "").is_ok_and(|text| AirsideConfig::is_meant_by(&text))
+    }
+
     /// What a single value cannot show: relations between keys.
     fn check(&self) -> Result<(), Fault> {
         let (agent, radio, px4) = (

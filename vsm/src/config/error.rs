@@ -3,6 +3,8 @@
 use std::io::{ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
 
+use super::named_file;
+
 /// A configuration that is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
@@ -71,8 +73,7 @@ impl ConfigError {
     pub(super) fn read(path: &Path, new: &'static str) -> Result<String, ConfigError> {
         let read = || {
             let mut bytes = Vec::new();
-            // A file that never ends, such as a device, is not a configuration.
-            std::fs::File::open(path)?
+            named_file::open_file(path)?
                 .take(MAX_BYTES + 1)
                 .read_to_end(&mut bytes)?;
             if bytes.len() as u64 > MAX_BYTES {

@@ -5,6 +5,7 @@
 //! it, and nothing of it is quoted: it may be a key.
 
 use std::ops::Range;
+use std::path::Path;
 
 use serde::de::DeserializeOwned;
 
@@ -304,6 +305,14 @@ pub(super) fn line_of(text: &str, table_at: usize, path: &str) -> usize {
     });
     let mut found = within.filter(|(_, line)| header(line.trim()).is_none() && names(line));
     found.next().map_or(first, |(number, _)| number)
+}
+
+/// The line of a key in the file of a configuration, from 1. `table_at`: the byte at which its table begins, 0 for one that the
+/// file has once. `None` where the file cannot be read.
+#[must_use]
+pub fn line_in(file: &Path, table_at: usize, key: &str) -> Option<usize> {
+    let text = ConfigError::read(file, "").ok()?;
+    Some(line_of(&text, table_at, key))
 }
 
 /// How a key may stand in the file, where that is known.

@@ -9,7 +9,7 @@
 //! to return to, `counted` the vehicles of a table with `count`, `controls` the parameters that a CUCS may set, `terrain` the elevation files, `termination` the action of
 //! a commanded flight termination, `zeroize` what a zeroize erases, `access` the name of the access list, `web` the
 //! stations of the page. `explain` explains errors; `changes` decides what a reload changes; [`airside`] is `airside.toml`,
-//! and `agent_contingency` a table of it; [`reference`](mod@reference) writes `docs/reference/configuration.md`.
+//! and `agent_contingency` a table of it; `named_file` opens the files; [`reference`](mod@reference) writes `docs/reference/configuration.md`.
 //!
 //! ```
 //! use vsm::config::Config;
@@ -39,6 +39,7 @@ mod error;
 mod explain;
 mod forward;
 mod key;
+mod named_file;
 mod payload;
 mod rally;
 pub mod reference;
@@ -58,7 +59,9 @@ pub use contingency::{Contingency, ContingencyAction};
 pub use controls::Controls;
 pub use disputed::Readings;
 pub use error::ConfigError;
+pub use explain::line_in;
 pub use forward::{Commands, Forward, ForwardLink, Relay};
+pub(crate) use named_file::{open_at_once, open_file};
 pub use payload::Payload;
 pub use rally::Rally;
 pub use station::{Checksum, Cucs, Delivery, Edition, Guard, Presence};

@@ -6,12 +6,15 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
 use curve_paths::terrain::{Grid, Terrain};
 use serde::Deserialize;
+
+use super::named_file::open_file;
 
 /// A folder of elevation files.
 #[derive(Clone, Deserialize)]
@@ -45,6 +48,14 @@ pub struct TerrainFault {
     /// The folder, or a file of it.
     path: PathBuf,
     problem: String,
+}
+
+impl TerrainFault {
+    /// The folder, or a file of it.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
 }
 
 impl From<PathBuf> for TerrainFolder {
@@ -145,7 +156,9 @@ fn read_files(files: &[Listed]) -> Result<Terrain, TerrainFault> {
     let mut grids = Vec::new();
     let mut all = 0;
     for Listed { path, .. } in files {
-        let bytes = std::fs::read(path).map_err(|cause| fault(path, cause.to_string()))?;
+        let mut bytes = Vec::new();
+        let read = open_file(path).and_then(|mut file| file.read_to_end(&mut bytes));
+        read.map_err(|cause| fault(path, cause.to_string()))?;
         let name = path.file_name().and_then(|name| name.to_str());
         let read = Grid::read(name.unwrap_or_default(), bytes);
         let grid = read.map_err(|cause| fault(path, cause.to_string()))?;

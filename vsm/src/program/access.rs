@@ -1,7 +1,6 @@
 //! `vsm access`: the access list as a file. Anybody may write a draft; the holder of the access key signs it, on any
 //! computer.
 
-use std::fs::File;
 use std::io::{ErrorKind, Read as _};
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
@@ -12,6 +11,7 @@ use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 
 use super::process::{Failure, bad, failed, print};
+use crate::config::open_file;
 use crate::session::{
     AccessEntry, AccessGroup, AccessKey, AccessList, MAX_LIST_BYTES, parse_until,
 };
@@ -224,8 +224,7 @@ fn show(file: &Path, key: Option<&Path>) -> Result<(), Failure> {
 
 fn read(path: &Path) -> Result<(Vec<u8>, AccessList), Failure> {
     let mut bytes = Vec::new();
-    let file = File::open(path);
-    let read = file.and_then(|file| {
+    let read = open_file(path).and_then(|file| {
         let most = MAX_LIST_BYTES as u64 + 1;
         file.take(most).read_to_end(&mut bytes)
     });

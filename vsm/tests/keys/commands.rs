@@ -2,10 +2,12 @@
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
+use std::io::{PipeReader, PipeWriter, Write as _, pipe};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use mavlink_link::signing::SigningKey;
+use rustix::fs::{OFlags, fcntl_setfl};
 
 use crate::ground::{FIRST, Ground, SECOND, id, is_live_under, key};
 use kit::process::{KillOnDrop, free_udp_port, program};
@@ -228,39 +230,52 @@ async fn a_key_from_a_file_is_the_one_that_the_vehicle_has_in_the_end() {
     assert!(ground.key("uav1.key").same_as(&key(SECOND)), "{printed}");
 }
 
-/// A named pipe as key file: the command waits there, about to read a key.
+/// A command whose output nobody takes waits there, with a key in its memory.
 #[test]
 fn core_files_are_off_before_any_command_reads_a_key() {
     let ground = Ground::new();
-    let pipe = ground.path().join("uav1.key");
-    let made = Command::new("mkfifo")
-        .args(["-m", "600"])
-        .arg(&pipe)
-        .status();
-    assert!(made.unwrap().success());
+    ground.write_key("wanted.key", FIRST);
+    are_off(&ground, &["key", "provision", "--from", "wanted.key"]);
+    ground.write_key("uav1.key", SECOND);
     for arguments in [
         &["key", "list"][..],
         &["key", "clock"],
-        &["key", "provision", "--from", "uav1.key"],
         &["check-config", "vsm.toml"],
     ] {
-        let mut command = Command::new(program("vsm"));
-        command.args(arguments).current_dir(ground.path());
-        let command = command.stdout(Stdio::null()).stderr(Stdio::null());
-        let running = KillOnDrop(command.spawn().unwrap());
-        let limits = format!("/proc/{}/limits", running.0.id());
-        let end = Instant::now() + Duration::from_secs(10);
-        loop {
-            let text = fs::read_to_string(&limits).unwrap_or_default();
-            let core = text
-                .lines()
-                .find(|line| line.starts_with("Max core file size"));
-            let soft = core.and_then(|line| line.split_whitespace().nth(4));
-            if soft == Some("0") {
-                break;
-            }
-            assert!(Instant::now() < end, "{arguments:?}: {core:?}");
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        are_off(&ground, arguments);
     }
+}
+
+fn are_off(ground: &Ground, arguments: &[&str]) {
+    let (_unread, output) = full_pipe();
+    let mut command = Command::new(program("vsm"));
+    command.args(arguments).current_dir(ground.path());
+    let command = command.stdout(output).stderr(Stdio::null());
+    let running = KillOnDrop(command.spawn().unwrap());
+    let limits = format!("/proc/{}/limits", running.0.id());
+    let end = Instant::now() + Duration::from_secs(10);
+    loop {
+        let text = fs::read_to_string(&limits).unwrap_or_default();
+        let core = text
+            .lines()
+            .find(|line| line.starts_with("Max core file size"));
+        let soft = core.and_then(|line| line.split_whitespace().nth(4));
+        if soft == Some("0") {
+            break;
+        }
+        assert!(Instant::now() < end, "{arguments:?}: {core:?}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// A pipe that takes no byte more.
+fn full_pipe() -> (PipeReader, PipeWriter) {
+    let (reader, mut writer) = pipe().unwrap();
+    fcntl_setfl(&writer, OFlags::NONBLOCK).unwrap();
+    // A byte at a time to the end: a page is not filled by what does not fit whole.
+    for bytes in [&[0; 4_096][..], &[0]] {
+        while writer.write(bytes).is_ok_and(|written| written > 0) {}
+    }
+    fcntl_setfl(&writer, OFlags::empty()).unwrap();
+    (reader, writer)
 }

@@ -10,6 +10,7 @@ use mavlink_link::frame::FrameError;
 use mavlink_link::tlog;
 use stanag_msgs::{Id, pcapng};
 
+use crate::config::open_file;
 use crate::session::replay::Timeline;
 
 /// Why recordings cannot be shown.
@@ -263,7 +264,7 @@ struct Pieces {
 
 impl Pieces {
     fn open(path: &Path) -> Result<Pieces, ReplayError> {
-        let file = File::open(path).map_err(|cause| ReplayError::Io {
+        let file = open_file(path).map_err(|cause| ReplayError::Io {
             path: path.to_owned(),
             cause,
         })?;

@@ -19,6 +19,8 @@ use pmtiles::{
 use serde::Serialize;
 use tokio::runtime::Handle;
 
+use crate::config::open_file;
+
 /// An open file of tiles.
 pub struct Tiles {
     reader: Arc<AsyncPmTilesReader<Disk>>,
@@ -69,7 +71,7 @@ impl Tiles {
 
     async fn read(path: &Path) -> Result<Self, TilesError> {
         let fault = |problem: String| fault(path, problem);
-        let file = File::open(path).map_err(|cause| fault(cause.to_string()))?;
+        let file = open_file(path).map_err(|cause| fault(cause.to_string()))?;
         // No directories are kept: those of a map of the world are hundreds of megabytes, and the system caches what is read often.
         let reader = AsyncPmTilesReader::try_from_source(Disk(file)).await;
         let reader = reader.map_err(|cause| {
