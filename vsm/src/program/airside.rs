@@ -3,7 +3,6 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use crate::config::airside::AirsideConfig;
 use crate::shell::airside::{AirsideError, AirsideServer};
 use crate::shell::{pairing_socket, service};
 use anyhow::{Context as _, anyhow};
@@ -11,7 +10,9 @@ use clap::{Args, Subcommand};
 use serde_json::Value;
 
 use super::config_arg::AgentConfigArg;
-use super::process::{Failure, LogFormat, announce, bad, failed, log, runtime, stop_signal};
+use super::process::{
+    Failure, LogFormat, announce, bad, failed, load_airside, log, runtime, stop_signal,
+};
 use super::status;
 use super::zeroize;
 
@@ -59,12 +60,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
     }
 }
 
-fn load(path: &Path) -> Result<AirsideConfig, Failure> {
-    AirsideConfig::load(path).map_err(bad)
-}
-
 fn serve(path: &Path, with_pairing: bool, format: LogFormat) -> Result<(), Failure> {
-    let config = load(path)?;
+    let config = load_airside(path)?;
     let _log = log(format)?;
     // Before any key is read and any link is open: after an order to zeroize, nothing may be served.
     zeroize::finish(
@@ -105,7 +102,7 @@ fn serve(path: &Path, with_pairing: bool, format: LogFormat) -> Result<(), Failu
 
 /// Until the window is closed; ending this program closes it too.
 fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
-    let config = load(path)?;
+    let config = load_airside(path)?;
     let code = match code.as_deref() {
         // Read from standard input: an argument would be visible in the list of processes.
         Some("-") => {
@@ -138,7 +135,7 @@ fn pair(path: &Path, code: Option<String>) -> Result<(), Failure> {
 }
 
 fn show(path: &Path, json: bool) -> Result<(), Failure> {
-    let config = load(path)?;
+    let config = load_airside(path)?;
     status::report("agent", &config.store.dir, json, readable)
 }
 

@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 use stanag_msgs::Id;
 
 use super::config_arg::ConfigArg;
-use super::process::{Failure, bad, failed, print};
+use super::process::{Failure, failed, load, print};
 use crate::config::Config;
 use crate::session::{AuditKind, examine_audit};
 use crate::shell::disk::ReadOnlyDisk;
@@ -57,7 +57,7 @@ pub(crate) fn run(action: Action) -> Result<(), Failure> {
 }
 
 fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
-    let config = Config::load(path).map_err(bad)?;
+    let config = load(path)?;
     let disk = open(&config)?;
     let (mut text, mut faults) = (String::new(), 0);
     let mut absent: Vec<&String> = heads.iter().collect();
@@ -112,7 +112,7 @@ fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
 }
 
 fn export(path: &Path, only: Option<Id>, format: Format) -> Result<(), Failure> {
-    let config = Config::load(path).map_err(bad)?;
+    let config = load(path)?;
     let vehicles = chosen(&config, only)?;
     let disk = open(&config)?;
     if format == Format::Csv {

@@ -8,7 +8,7 @@ use anyhow::{Context as _, anyhow};
 use mapping::hardening::{Finding, Reading, Verdict, judge};
 use serde_json::{Value, json};
 
-use super::process::{Failure, bad, failed, print, report_line, runtime};
+use super::process::{Failure, bad, failed, load, print, report_line, runtime};
 use crate::config::Config;
 use crate::session::VehicleSettings;
 use crate::shell::settings_link::{NOTHING_FOR, SettingsLink};
@@ -16,7 +16,7 @@ use crate::shell::status_socket;
 
 /// Status 0: nothing weakens the link, and everything that the vehicle has was read.
 pub(crate) fn run(path: &Path, json: bool, wait_s: u64) -> Result<(), Failure> {
-    let config = Config::load(path).map_err(bad)?;
+    let config = load(path)?;
     let patience = Duration::from_secs(wait_s);
     if config.vehicle.is_empty() {
         let fault = anyhow!(

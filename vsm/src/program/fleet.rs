@@ -6,8 +6,8 @@ use anyhow::anyhow;
 use clap::{Args, Subcommand};
 
 use super::config_arg::ConfigArg;
-use super::process::{Failure, bad, failed, print, print_line, waiting};
-use crate::config::{Config, SharedStore};
+use super::process::{Failure, bad, failed, load, print, print_line, waiting};
+use crate::config::SharedStore;
 use crate::shell::fleet::operator::{Fleet, Operator};
 
 /// Show the computers that can serve this VSM, and choose which does ([store] kind = "etcd")
@@ -137,7 +137,7 @@ fn takes_part(fleet: &Fleet, node: &str) -> Result<(), Failure> {
 }
 
 fn open(config: &ConfigArg) -> Result<(Operator, Duration), Failure> {
-    let config = Config::load(config.path()).map_err(bad)?;
+    let config = load(config.path())?;
     let store: SharedStore = config.store.shared().ok_or_else(|| {
         failed(anyhow!(
             "store.kind is \"files\": one computer serves this VSM, and nothing is to be shown; docs/guide/fleet.md is how others stand by"

@@ -13,8 +13,8 @@ use mavlink_link::signing::SigningKey;
 use stanag_msgs::Id;
 use zeroize::Zeroizing;
 
-use crate::config::Config;
 use crate::guard_exchange::CucsNews;
+use crate::shell::disk::folder_of;
 use crate::shell::guard_file;
 use crate::shell::guard_link::{GuardEnding, GuardError, GuardPairing, GuardSide};
 use crate::shell::guard_proxy::{GuardConfig, GuardProxy};
@@ -26,7 +26,8 @@ use crate::shell::service;
 use super::config_arg::ConfigArg;
 use super::key;
 use super::process::{
-    Failure, LogFormat, announce, bad, failed, log, print, print_line, runtime, stop_signal,
+    Failure, LogFormat, act_for, announce, bad, failed, load, log, print, print_line, runtime,
+    stop_signal,
 };
 use super::status;
 
@@ -142,6 +143,7 @@ pub(crate) fn run(action: Action) -> Result<(), Failure> {
         Action::Rotate {
             file: Some(file), ..
         } => {
+            act_for(folder_of(&file), &[])?;
             let text = "the old one is accepted for 24 h; run `vsm reload`, and copy the file to the CUCS's guard";
             changed(&file, guard_file::rotate(&file), text)
         }
@@ -150,6 +152,7 @@ pub(crate) fn run(action: Action) -> Result<(), Failure> {
             ask(&config, &format!("rotate {cucs}"), "key  ")
         }
         Action::Revoke { file } => {
+            act_for(folder_of(&file), &[])?;
             let text = "the old one and the pairing are deleted; run `vsm reload`, which locks out who has it";
             changed(&file, guard_file::revoke(&file), text)
         }
@@ -181,6 +184,7 @@ fn pair(arguments: Pair) -> Result<(), Failure> {
     let (Some(vsm), Some(vsm_id)) = (vsm, vsm_id) else {
         return ask(config.path(), &format!("pair {cucs}"), "paired");
     };
+    act_for(&store, &[])?;
     let to = resolve(&vsm)?;
     print_line("pairing code, as `vsm guard pair` shows it on the VSM's computer:");
     // With room for all that is read: a string that grows leaves copies of the code in memory that nothing wipes.
@@ -237,7 +241,7 @@ fn report(news: &CucsNews) {
 
 /// Has the running bridge do it, and shows what comes of it. `done`: how the line begins that says that it is done.
 fn ask(config: &Path, request: &str, done: &str) -> Result<(), Failure> {
-    let config = Config::load(config).map_err(bad)?;
+    let config = load(config)?;
     let mut is_done = false;
     pairing_socket::ask(&config.store.dir, request, |line| {
         is_done |= line.starts_with(done);
@@ -280,6 +284,7 @@ fn serve(arguments: Run) -> Result<(), Failure> {
         users,
         log: format,
     } = arguments;
+    act_for(&store, &[])?;
     let to = resolve(&vsm)?;
     let group = multicast.map(|address| Group {
         interface,

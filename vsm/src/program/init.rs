@@ -26,7 +26,7 @@ use crate::shell::key_file;
 use self::protect::Protected;
 use super::config_arg::ConfigArg;
 use super::key::wall_stamp;
-use super::process::{Failure, bad, failed, print};
+use super::process::{Failure, act_for, bad, failed, print};
 
 #[derive(Debug, Args)]
 #[command(mut_arg("file", |file| file.help("Configuration to write; it must not exist")))]
@@ -150,6 +150,7 @@ impl Files {
 
 pub(crate) fn run(init: &Init) -> Result<(), Failure> {
     let files = Files::beside(init.config.path());
+    act_for(folder_of(&files.config), &[])?;
     // First of all, so that nobody answers questions for a file that is refused afterwards.
     refuse_to_overwrite(&files)?;
     let answers = if io::stdin().is_terminal() {

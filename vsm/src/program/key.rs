@@ -5,7 +5,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use crate::config::{Config, Exchange, Signing, Vehicle};
 use crate::key_exchange::ExchangeRecord;
-use crate::shell::disk::{FileDisk, peek, peek_identity};
+use crate::shell::disk::{FileDisk, folder_of, peek, peek_identity};
 use crate::shell::key_file;
 use crate::shell::key_link::{Ending, KeyLink, KeyLinkError, Progress, Trust, UNKNOWN_FOR, What};
 use crate::shell::key_store::{KeyStore, real_path};
@@ -17,7 +17,9 @@ use mavlink_link::signing::{SigningKey, Stamp};
 use mavlink_link::store::Store as _;
 
 use super::config_arg::ConfigArg;
-use super::process::{Failure, bad, failed, print, print_line, report_line, runtime};
+use super::process::{
+    Failure, act_for, bad, failed, load, print, print_line, report_line, runtime,
+};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Action {
@@ -111,6 +113,7 @@ pub(crate) fn run(action: Action) -> Result<(), Failure> {
 
 /// `vsm keygen`: a key for a vehicle that is given it by other means.
 pub(crate) fn generate(path: &Path) -> Result<(), Failure> {
+    act_for(folder_of(path), &[])?;
     key_file::generate(path).map_err(failed)?;
     let key = key_file::read(path).map_err(failed)?;
     let text = format!("{}: a new key, id {}\n", path.display(), key.id());
@@ -455,7 +458,7 @@ fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
 }
 
 fn list(config: &Path) -> Result<(), Failure> {
-    let config = Config::load(config).map_err(bad)?;
+    let config = load(config)?;
     if let Some(own) = peek_identity(&config.store.dir) {
         print_line(&format!("this VSM: fingerprint {}", own.fingerprint()));
     }
@@ -507,7 +510,7 @@ fn beside(path: &Path, part: &str) -> PathBuf {
 
 /// The configuration, the vehicle that is meant, its key file and how keys are agreed about.
 pub(super) fn open(which: &Which) -> Result<(Config, Vehicle, PathBuf, Exchange), Failure> {
-    let config = Config::load(which.config.path()).map_err(bad)?;
+    let config = load(which.config.path())?;
     let found: Vec<Vehicle> = config
         .vehicles()
         .filter(|vehicle| {

@@ -1,7 +1,8 @@
-//! Shared by the subcommands: failures, the runtime, the log, the signals that end them, and standard output.
+//! Shared by the subcommands: failures, the configuration, the runtime, the log, the signals that end them, and standard output.
 
 use std::ffi::OsString;
 use std::io::{self, IsTerminal as _, Write};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -14,7 +15,11 @@ use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
 use tracing_subscriber::{EnvFilter, fmt};
 
+use crate::config::airside::AirsideConfig;
+use crate::config::{Config, ForwardLink, LinkAddress};
+use crate::shell::key_file::no_core_files;
 use crate::shell::log_pipe::LogPipe;
+use crate::shell::ownership::{act_as, other_owner};
 use crate::shell::server::Gathering;
 
 /// Why the program ends with another status than 0.
@@ -33,6 +38,48 @@ pub(crate) fn failed(fault: impl Into<anyhow::Error>) -> Failure {
 
 pub(crate) fn bad(fault: impl Into<anyhow::Error>) -> Failure {
     Failure::Bad(fault.into())
+}
+
+/// Reads the configuration of a bridge for a command that uses its store or its keys. Where the store is another user's, as
+/// that of a service is, and root runs the command, this process acts as that user from here on.
+pub(crate) fn load(path: &Path) -> Result<Config, Failure> {
+    let config = Config::load(path).map_err(bad)?;
+    let shared = config.forwards().filter_map(|one| match &one.link {
+        ForwardLink::Shared(link) => Some(link),
+        ForwardLink::TcpIn(_) | ForwardLink::TcpOut(_) => None,
+    });
+    let devices = config.vehicles().map(|one| &one.link).chain(shared);
+    let devices: Vec<&Path> = devices.filter_map(LinkAddress::device).collect();
+    act_for(&config.store.dir, &devices)?;
+    Ok(config)
+}
+
+/// The same of an agent.
+pub(crate) fn load_airside(path: &Path) -> Result<AirsideConfig, Failure> {
+    let config = AirsideConfig::load(path).map_err(bad)?;
+    let links = [&config.radio.get_ref().link, &config.px4.get_ref().link];
+    let devices: Vec<&Path> = links.into_iter().filter_map(LinkAddress::device).collect();
+    act_for(&config.store.dir, &devices)?;
+    Ok(config)
+}
+
+/// Has root act as the owner of a folder, where that is another user: see `shell::ownership`. Not once another thread runs.
+pub(crate) fn act_for(folder: &Path, devices: &[&Path]) -> Result<(), Failure> {
+    let Some(owner) = other_owner(folder) else {
+        return Ok(());
+    };
+    let (folder, user) = (folder.display(), owner.user);
+    act_as(owner, devices).map_err(|cause| {
+        failed(anyhow!(
+            "{folder} belongs to user {user}, and this process may not act as that user ({cause}): run this as that user"
+        ))
+    })?;
+    // The change of the user has switched core files on again.
+    no_core_files();
+    report_line(&format!(
+        "vsm: acting as user {user}, to whom {folder} belongs"
+    ));
+    Ok(())
 }
 
 /// From here on a panic, in whichever thread or task, ends the whole process at once, by SIGABRT: in release builds

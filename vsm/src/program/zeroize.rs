@@ -10,7 +10,7 @@ use clap::Args;
 use mavlink_link::exchange::AutopilotKey;
 
 use super::config_arg::ConfigArg;
-use super::process::{Failure, bad, failed, print_line, runtime, waiting};
+use super::process::{Failure, bad, failed, load, load_airside, print_line, runtime, waiting};
 use crate::config::airside::AirsideConfig;
 use crate::config::{Config, ExchangeMode, Signing};
 use crate::key_exchange::NOT_REACHED;
@@ -57,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         store,
         order,
         beyond,
-    } = load(path, arguments.in_flight)?;
+    } = target(path, arguments.in_flight)?;
     if arguments.clear {
         erase::clear(&store).map_err(failed)?;
         print_line("it may be served again");
@@ -229,10 +229,9 @@ fn carry_out(
     erase::finish_before_start(store)
 }
 
-fn load(path: &Path, in_flight: bool) -> Result<Target, Failure> {
-    let text = std::fs::read_to_string(path).unwrap_or_default();
-    if AirsideConfig::is_meant_by(&text) {
-        let config = AirsideConfig::load(path).map_err(bad)?;
+fn target(path: &Path, in_flight: bool) -> Result<Target, Failure> {
+    if AirsideConfig::is_at(path) {
+        let config = load_airside(path)?;
         return Ok(Target {
             id: config.agent.get_ref().vehicle_id.to_string(),
             order: Order::of_agent(&config),
@@ -241,7 +240,7 @@ fn load(path: &Path, in_flight: bool) -> Result<Target, Failure> {
         });
     }
     // Also if there is no such file: the error says how to create one.
-    let config = Config::load(path).map_err(bad)?;
+    let config = load(path)?;
     Ok(Target {
         id: config.dli.vsm_id.to_string(),
         order: Order::of_bridge(&config, in_flight),

@@ -19,6 +19,7 @@ use rustix::fs::FlockOperation;
 use rustix::io::Errno;
 use zeroize::Zeroizing;
 
+pub use super::ownership::folder_of;
 use super::ownership::{self, OwnershipError};
 use crate::key_exchange::{IDENTITY, MAX_IDENTITY_BYTES, parse_identity};
 
@@ -403,7 +404,7 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
     /// # Errors
     /// The system's; [`io::ErrorKind::WouldBlock`] where another process has locked it.
     fn rename_locked(&self, from: &Path, to: &Path) -> io::Result<Option<File>> {
-        let file = File::open(from)?;
+        let file = ownership::open_no_link(OpenOptions::new().read(true), from)?;
         if !lock(&file)? {
             return Err(io::ErrorKind::WouldBlock.into());
         }
@@ -484,7 +485,7 @@ impl FileSystem for NativeFileSystem {
         let file = match ownership::open_no_link(OpenOptions::new().read(true), path) {
             Ok(file) => file,
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(cause) => return Err(cause),
+            Err(cause) => return Err(ownership::explain(path, cause)),
         };
         ownership::check_file(&file, path)?;
         // Allocated in full: a growing buffer leaves copies of its content behind.
@@ -504,6 +505,7 @@ pub fn replace(system: &dyn FileSystem, path: &Path, bytes: &[u8], power: bool) 
     let beside = &beside(path);
     let written = system
         .write(beside, bytes)
+        .and_then(|()| ownership::keep_owner(beside, path))
         // Before the rename: otherwise a power cut could leave the new name on an empty file.
         .and_then(|()| if power { system.sync(beside) } else { Ok(()) })
         .and_then(|()| system.rename(beside, path));
@@ -529,11 +531,41 @@ pub fn create(path: &Path, bytes: &[u8]) -> io::Result<()> {
     // A hard link, not a rename: a rename would replace an existing file.
     let made = system
         .write(beside, bytes)
+        .and_then(|()| ownership::keep_owner(beside, path))
         .and_then(|()| system.sync(beside))
         .and_then(|()| fs::hard_link(beside, path));
     let removed = system.remove(beside);
     made.and(removed)
         .and_then(|()| system.sync(folder_of(path)))
+}
+
+/// Whether files can be written in a folder, or in what there is of the folders above it: one is, and is removed again.
+///
+/// # Errors
+/// They cannot.
+pub(super) fn probe(folder: &Path) -> io::Result<()> {
+    let folder = std::path::absolute(folder)?;
+    let there = folder.ancestors().find(|one| one.exists());
+    let there = there.unwrap_or(Path::new("/"));
+    let path = there.join(format!(".vsm-{}", std::process::id()));
+    let system = NativeFileSystem;
+    let written = system
+        .write(&path, &[0; PROBE_BYTES])
+        .and_then(|()| system.sync(&path));
+    let removed = system.remove(&path);
+    written.and(removed)
+}
+
+/// That the disk of a store's folder has no room left, where the system says so.
+pub(super) fn is_full(folder: &Path) -> Option<String> {
+    let about = rustix::fs::statvfs(folder).ok()?;
+    let free = about.f_bavail.saturating_mul(about.f_frsize);
+    // Some file systems count no blocks.
+    let full = about.f_blocks > 0 && free < MIN_FREE_BYTES;
+    full.then(|| {
+        let folder = folder.display();
+        format!("[store] dir {folder}: its disk is full, {free} bytes are free")
+    })
 }
 
 /// Whether a store contains an order to zeroize. An unreadable one counts too: such a store must not be served.
@@ -549,7 +581,8 @@ fn overwrite(path: &Path) -> io::Result<()> {
     let mut file = match open() {
         // The owner may have made it read-only.
         Err(cause) if cause.kind() == io::ErrorKind::PermissionDenied => {
-            fs::set_permissions(path, fs::Permissions::from_mode(0o600))?;
+            let changed = fs::set_permissions(path, fs::Permissions::from_mode(0o600));
+            changed.map_err(|cause| ownership::explain(path, cause))?;
             // Again without following links: the file could have been replaced since.
             open()?
         }
@@ -573,6 +606,11 @@ pub(super) const ERASE_ORDER: &str = "zeroize.order";
 /// time.
 pub(super) const FLEET_EPOCH: &str = "fleet-epoch";
 
+/// More than the largest record that a start writes.
+const PROBE_BYTES: usize = 16_384;
+/// Room for a few records.
+const MIN_FREE_BYTES: u64 = 65_536;
+
 /// `uav1.key` while it is being written: `uav1.key.new`.
 fn beside(path: &Path) -> PathBuf {
     let mut beside = path.as_os_str().to_owned();
@@ -589,15 +627,6 @@ pub fn lock(file: &File) -> io::Result<bool> {
         Ok(()) => Ok(true),
         Err(Errno::WOULDBLOCK) => Ok(false),
         Err(cause) => Err(cause.into()),
-    }
-}
-
-/// The folder that a file is in.
-#[must_use]
-pub fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
     }
 }
 

@@ -17,6 +17,7 @@ use rustix::fs::FlockOperation;
 use super::disk::{self, FileSystem, NativeFileSystem};
 use super::key_file::{self, KeyFileError};
 use super::ownership;
+use crate::config::open_file;
 use crate::session::GuardKeyUntil;
 
 /// The current key, and the previous one while it is accepted.
@@ -31,9 +32,7 @@ pub fn read(path: &Path, now: Now) -> Result<Vec<GuardKeyUntil>, KeyFileError> {
         let age = match about.modified().map(|at| today.duration_since(at)) {
             Ok(Ok(age)) => age,
             // The clock was set back since. The day counts from now, and must not start again with each start.
-            Ok(Err(_))
-                if fs::File::open(&before).is_ok_and(|it| it.set_modified(today).is_ok()) =>
-            {
+            Ok(Err(_)) if open_file(&before).is_ok_and(|it| it.set_modified(today).is_ok()) => {
                 Duration::ZERO
             }
             _ => OVERLAP,
@@ -54,7 +53,7 @@ pub fn read(path: &Path, now: Now) -> Result<Vec<GuardKeyUntil>, KeyFileError> {
 /// There is no key yet, or the system's; if interrupted, the old key stays in use.
 pub fn rotate(path: &Path) -> Result<SigningKey, KeyFileError> {
     let _held = hold(path).map_err(|cause| io_fault(path, cause))?;
-    let new = other_than(&key_file::read(path)?, path)?;
+    let new = other_than(&key_file::read_to_replace(path)?, path)?;
     put_in_force(&NativeFileSystem, path, &new)?;
     Ok(new)
 }
@@ -68,14 +67,18 @@ pub(super) fn put_in_force(
     path: &Path,
     new: &SigningKey,
 ) -> Result<(), KeyFileError> {
-    match key_file::read(path) {
+    match key_file::read_to_replace(path) {
         // Written before, and perhaps not durable yet: a repeated step must not take the new key for the old one.
         Ok(old) if old.same_as(new) => {
             let synced = system.sync(disk::folder_of(path));
             return synced.map_err(|cause| io_fault(path, cause));
         }
         // The old key first: an interruption here leaves it in both files, and nobody is locked out.
-        Ok(old) => write(system, &previous(path), &old)?,
+        Ok(old) => {
+            write(system, &previous(path), &old)?;
+            // Who may read the key must be able to read this one too.
+            ownership::keep_owner(&previous(path), path).map_err(|cause| io_fault(path, cause))?;
+        }
         Err(KeyFileError::Absent { .. }) => {}
         Err(fault) => return Err(fault),
     }
@@ -88,7 +91,7 @@ pub(super) fn put_in_force(
 /// As [`rotate`].
 pub fn revoke(path: &Path) -> Result<SigningKey, KeyFileError> {
     let _held = hold(path).map_err(|cause| io_fault(path, cause))?;
-    let new = other_than(&key_file::read(path)?, path)?;
+    let new = other_than(&key_file::read_to_replace(path)?, path)?;
     // The pairing first: a guard that is still paired could agree on the next key.
     remove(&pairing(path))?;
     write(&NativeFileSystem, path, &new)?;

@@ -15,6 +15,7 @@ use zeroize::Zeroizing;
 
 use super::disk::{self, FileSystem as _, NativeFileSystem};
 use super::ownership::{self, OwnershipError};
+use crate::config::open_at_once;
 
 /// A key file that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -66,14 +67,38 @@ pub enum KeyFileError {
 /// # Errors
 /// The file is missing, readable by others, or holds something else.
 pub fn read(path: &Path) -> Result<SigningKey, KeyFileError> {
+    read_checked(path, ownership::check_file)
+}
+
+/// As [`read`], for a command that replaces the key, perhaps as root for the user that the key belongs to.
+///
+/// # Errors
+/// As [`read`].
+pub(super) fn read_to_replace(path: &Path) -> Result<SigningKey, KeyFileError> {
+    read_checked(path, ownership::check_file_to_replace)
+}
+
+/// As [`read`], for a key that root gives a service at its start: whoever looks at it need not own it.
+///
+/// # Errors
+/// As [`read`].
+pub(super) fn read_waiting(path: &Path) -> Result<SigningKey, KeyFileError> {
+    read_checked(path, ownership::check_kind)
+}
+
+fn read_checked(
+    path: &Path,
+    check: fn(&fs::File, &Path) -> Result<(), OwnershipError>,
+) -> Result<SigningKey, KeyFileError> {
     let io = |cause| io_fault(path, cause);
-    let file = fs::File::open(path).map_err(|cause| match cause.kind() {
+    // A pipe is opened too, and refused by the check.
+    let file = open_at_once(path).map_err(|cause| match cause.kind() {
         io::ErrorKind::NotFound => KeyFileError::Absent {
             path: path.to_owned(),
         },
-        _ => io(cause),
+        _ => io(ownership::explain(path, cause)),
     })?;
-    ownership::check_file(&file, path)?;
+    check(&file, path)?;
     let mode = file.metadata().map_err(io)?.permissions().mode() & 0o777;
     if mode & 0o077 != 0 {
         return Err(KeyFileError::Permissions {

@@ -24,6 +24,7 @@ use zeroize::Zeroizing;
 use super::disk::{self, FileSystem, NativeFileSystem};
 use super::key_file::{self, KeyFileError};
 use super::ownership;
+use crate::config::open_at_once;
 use crate::key_exchange::Keyring;
 
 /// The key files of one vehicle, locked for this process.
@@ -90,22 +91,18 @@ impl KeyStore {
             }),
             Err(cause) => Err(change(cause)),
         };
-        let real = real_path(path).map_err(change)?;
-        // The folder of a link and that of its target: anyone who can write either decides which key is used.
-        for folder in [disk::folder_of(path), disk::folder_of(&real)] {
-            ownership::check_folder(folder).map_err(KeyFileError::from)?;
-        }
+        let real = trusted_path(path)?;
         let mut how = OpenOptions::new();
         how.write(true).create(true).truncate(false).mode(0o600);
         let beside = ownership::open_no_link(&mut how, &with(&real, "lock"));
         // Two locks. The key file's own is found through any hard link to it; the one beside covers a missing key file.
-        let key = match File::open(&real) {
+        let key = match open_at_once(&real) {
             Ok(file) => {
                 ownership::check_file(&file, &real).map_err(KeyFileError::from)?;
                 Some(locked(file)?)
             }
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => None,
-            Err(cause) => return Err(change(cause)),
+            Err(cause) => return Err(change(ownership::explain(&real, cause))),
         };
         let beside = match beside {
             Ok(file) => Some(locked(file)?),
@@ -125,6 +122,25 @@ impl KeyStore {
         };
         keys.finish_revocation()?;
         Ok(keys)
+    }
+
+    /// The keys at `path` for a look at them: nothing is locked, made or changed.
+    ///
+    /// # Errors
+    /// The folder is not there, or must not be trusted.
+    pub(super) fn look(path: &Path) -> Result<KeyStore, KeyStoreError> {
+        let real = trusted_path(path).map_err(|fault| match fault {
+            KeyStoreError::Change { path, cause } if cause.kind() == io::ErrorKind::NotFound => {
+                KeyFileError::Absent { path }.into()
+            }
+            other => other,
+        })?;
+        Ok(KeyStore {
+            path: real,
+            system: Box::new(NativeFileSystem),
+            _lock: None,
+            key_lock: RefCell::new(None),
+        })
     }
 
     /// From here on `system` does all reading and writing of keys.
@@ -429,6 +445,19 @@ impl Keyring for KeyStore {
 
 fn fault(cause: KeyStoreError) -> StoreError {
     StoreError::new("key", cause)
+}
+
+/// As [`real_path`], where the folders on the way may be trusted.
+fn trusted_path(path: &Path) -> Result<PathBuf, KeyStoreError> {
+    let real = real_path(path).map_err(|cause| KeyStoreError::Change {
+        path: path.to_owned(),
+        cause,
+    })?;
+    // The folder of a link and that of its target: anyone who can write either decides which key is used.
+    for folder in [disk::folder_of(path), disk::folder_of(&real)] {
+        ownership::check_folder(folder).map_err(KeyFileError::from)?;
+    }
+    Ok(real)
 }
 
 /// All files of the keys whose current one is really at `path`, whether they exist or not.

@@ -4,13 +4,26 @@
 //! A file or folder must belong to this process's user or to root, and nobody else may write the folder: the right to write
 //! a folder is the right to put another file in the place of one in it. A folder with the sticky bit (/tmp) is not open in
 //! this sense. Files are opened without following a symbolic link, except where a person has named one in the configuration.
+//!
+//! A service has a user of its own, and an administrator runs its commands as root. What root then wrote could not be read by
+//! the service; and whoever owns a folder decides what each name in it leads to, so that root could be made to write, or
+//! erase, anything. So root gives up its rights before it touches the store of another user ([`act_as`]): it can write there
+//! what that user can, and what it writes is that user's. It keeps one right, to read, without which the folder of a service
+//! with a dynamic user cannot be reached; a file that only this right opens is refused, since the service could not read it. A
+//! single file that root writes in another user's folder, or in place of another user's file, is handed to that user
+//! (`keep_owner`).
 
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io;
-use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _};
+use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _, OpenOptionsExt as _, fchown};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::OFlags;
+use rustix::process::geteuid;
+use rustix::thread::{
+    CapabilitySet, CapabilitySets, Gid, Uid, set_capabilities, set_keep_capabilities,
+    set_thread_groups, set_thread_res_gid, set_thread_res_uid,
+};
 
 /// A file or folder that must not be trusted.
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +51,21 @@ pub enum OwnershipError {
         path: PathBuf,
         /// Its mode.
         mode: u32,
+    },
+    /// This process's user may not read it.
+    #[error(
+        "{path} belongs to user {owner}, mode {mode:03o}, and user {user}, as which this runs, must be able to read it: chown {user} it",
+        path = path.display()
+    )]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// Its owner's number.
+        owner: u32,
+        /// Its mode.
+        mode: u32,
+        /// This process's user.
+        user: u32,
     },
     /// It is not a regular file: a device, a pipe, a folder.
     #[error("{path} is not a regular file", path = path.display())]
@@ -70,11 +98,38 @@ pub(super) fn check_file(file: &File, path: &Path) -> Result<(), OwnershipError>
     let about = file.metadata().map_err(|cause| io_fault(path, cause))?;
     check_owner(&about, path)?;
     if about.is_file() {
-        Ok(())
+        check_readable(&about, path)
     } else {
         let path = path.to_owned();
         Err(OwnershipError::NoFile { path })
     }
+}
+
+/// Checks that this process's user may read a file by its owner and mode, and not because root has kept a right.
+///
+/// # Errors
+/// It may not.
+pub(super) fn check_readable(about: &Metadata, path: &Path) -> Result<(), OwnershipError> {
+    let (owner, user, mode) = (about.uid(), geteuid().as_raw(), about.mode() & 0o777);
+    if owner == user || user == 0 || mode & 0o044 != 0 {
+        return Ok(());
+    }
+    Err(OwnershipError::Unreadable {
+        path: path.to_owned(),
+        owner,
+        mode,
+        user,
+    })
+}
+
+/// Accepts a file whoever it belongs to: the service manager reads it, as root.
+///
+/// # Errors
+/// It is no regular file.
+pub(super) fn check_kind(file: &File, path: &Path) -> Result<(), OwnershipError> {
+    let about = file.metadata().map_err(|cause| io_fault(path, cause))?;
+    let path = path.to_owned();
+    (about.is_file().then_some(())).ok_or(OwnershipError::NoFile { path })
 }
 
 /// Checks whether the content of a folder may be trusted.
@@ -92,6 +147,136 @@ pub(super) fn check_folder(path: &Path) -> Result<(), OwnershipError> {
     Ok(())
 }
 
+/// As [`check_file`], for a command that replaces the file: root may do so for the user that the file belongs to, where root
+/// alone can have put it there.
+///
+/// # Errors
+/// It may not be trusted.
+pub(super) fn check_file_to_replace(file: &File, path: &Path) -> Result<(), OwnershipError> {
+    let folder = fs::metadata(folder_of(path)).map_err(|cause| io_fault(path, cause))?;
+    let about = file.metadata().map_err(|cause| io_fault(path, cause))?;
+    let of_root_alone = folder.uid() == 0 && folder.mode() & 0o022 == 0;
+    if geteuid().is_root() && of_root_alone && about.is_file() {
+        return Ok(());
+    }
+    check_file(file, path)
+}
+
+/// A user, and a group of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Owner {
+    /// The user's number.
+    pub user: u32,
+    /// The group's number.
+    pub group: u32,
+}
+
+/// Whose folder it is, where this is root and the folder is another user's. Of one that is not there yet: whose the folder is
+/// in which it would be made.
+#[must_use]
+pub fn other_owner(folder: &Path) -> Option<Owner> {
+    if !geteuid().is_root() {
+        return None;
+    }
+    let folder = std::path::absolute(folder).ok()?;
+    // Whoever owns a link on the way has chosen the folder that it leads to.
+    let links = folder.ancestors().filter_map(|one| {
+        let about = fs::symlink_metadata(one).ok()?;
+        about.is_symlink().then_some(about)
+    });
+    let there = folder.ancestors().find_map(|one| fs::metadata(one).ok());
+    let mut found = links.chain(there);
+    let other = found.find(|about| about.uid() != 0)?;
+    Some(Owner {
+        user: other.uid(),
+        group: other.gid(),
+    })
+}
+
+/// Gives up root's rights for good but that to read: this process acts as the owner of a folder from here on. `devices`: serial
+/// lines that it is to open; of each it has the group, as the service has. To be called before the process has a second thread.
+///
+/// # Errors
+/// The system's: this process may not change its user.
+pub fn act_as(owner: Owner, devices: &[&Path]) -> io::Result<()> {
+    let (user, group) = (Uid::from_raw(owner.user), Gid::from_raw(owner.group));
+    let lines = devices
+        .iter()
+        .filter_map(|device| fs::metadata(device).ok());
+    // Root's group is nobody's reason to open a line.
+    let lines = lines.filter(|about| about.file_type().is_char_device() && about.gid() != 0);
+    let mut groups = vec![group];
+    groups.extend(lines.map(|about| Gid::from_raw(about.gid())));
+    // All are kept through the change of the user, and all but one given up behind it.
+    set_keep_capabilities(true)?;
+    // Groups first: the user has no right to change them.
+    set_thread_groups(&groups)?;
+    set_thread_res_gid(group, group, group)?;
+    set_thread_res_uid(user, user, user)?;
+    let keep = |kept| {
+        set_capabilities(
+            None,
+            CapabilitySets {
+                effective: kept,
+                permitted: kept,
+                inheritable: CapabilitySet::empty(),
+            },
+        )
+    };
+    // systemd keeps the folder of a dynamic user below /var/lib/private, which root alone may enter. A container may lack the
+    // right, and has no such folder.
+    keep(CapabilitySet::DAC_READ_SEARCH).or_else(|_| keep(CapabilitySet::empty()))?;
+    Ok(())
+}
+
+/// Hands a file that root has just written to whom the folder of `place`, in which it will be, belongs, or else the file that
+/// it will replace there: otherwise the service whose file it is could not read it.
+///
+/// # Errors
+/// It cannot be handed over.
+pub(super) fn keep_owner(written: &Path, place: &Path) -> io::Result<()> {
+    if !geteuid().is_root() {
+        return Ok(());
+    }
+    let folder = fs::metadata(folder_of(place)).ok();
+    let replaced = fs::symlink_metadata(place).ok();
+    let mut others = folder.into_iter().chain(replaced);
+    let Some(owner) = others.find(|about| about.uid() != 0) else {
+        return Ok(());
+    };
+    let file = match open_no_link(OpenOptions::new().read(true), written) {
+        Ok(file) => file,
+        // A queue writes it later, in a process that acts as the owner.
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(cause) => return Err(cause),
+    };
+    let about = file.metadata()?;
+    if about.uid() == owner.uid() {
+        return Ok(());
+    }
+    // The folder's owner may have put another file of root's in its place, and must not be given that.
+    if !about.is_file() || about.nlink() != 1 || about.uid() != 0 {
+        let cause = format!("{} was replaced while it was written", written.display());
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, cause));
+    }
+    fchown(&file, Some(owner.uid()), Some(owner.gid()))
+}
+
+/// A file that may not be read, with whose it is: the system only says that it is denied.
+pub(super) fn explain(path: &Path, cause: io::Error) -> io::Error {
+    let Ok(about) = fs::metadata(path) else {
+        return cause;
+    };
+    if cause.kind() != io::ErrorKind::PermissionDenied {
+        return cause;
+    }
+    match check_readable(&about, path) {
+        // For another reason than its owner and mode.
+        Ok(()) => cause,
+        Err(fault) => io::Error::new(io::ErrorKind::PermissionDenied, format!("{cause}: {fault}")),
+    }
+}
+
 /// Opens as `how` says, but not through a symbolic link.
 ///
 /// # Errors
@@ -104,7 +289,7 @@ pub(super) fn open_no_link(how: &mut OpenOptions, path: &Path) -> io::Result<Fil
 }
 
 fn check_owner(about: &Metadata, path: &Path) -> Result<(), OwnershipError> {
-    let (owner, expected) = (about.uid(), rustix::process::geteuid().as_raw());
+    let (owner, expected) = (about.uid(), geteuid().as_raw());
     if is_trusted(owner, expected) {
         return Ok(());
     }
@@ -120,6 +305,15 @@ fn is_trusted(owner: u32, own: u32) -> bool {
     owner == own || owner == 0
 }
 
+/// The folder that a file is in.
+#[must_use]
+pub fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
+}
+
 fn io_fault(path: &Path, cause: io::Error) -> OwnershipError {
     OwnershipError::Io {
         path: path.to_owned(),
@@ -131,7 +325,7 @@ const STICKY: u32 = 0o1000;
 
 #[cfg(test)]
 mod tests {
-    use std::os::unix::fs::{PermissionsExt as _, chown, symlink};
+    use std::os::unix::fs::{PermissionsExt as _, chown, lchown, symlink};
 
     use super::*;
     use crate::shell::disk::FileDisk;
@@ -176,6 +370,73 @@ mod tests {
         chown(store.join("record"), Some(12_345), None).unwrap();
         let refused = disk.read("record", 10).unwrap_err().to_string();
         assert!(refused.contains("belongs to user 12345"), "{refused}");
+    }
+
+    #[test]
+    fn root_acts_as_the_owner_of_a_folder_and_of_a_link_that_leads_to_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let (own, link) = (folder.path().join("own"), folder.path().join("link"));
+        fs::create_dir(&own).unwrap();
+        symlink(&own, &link).unwrap();
+        assert_eq!(other_owner(&own), None);
+        assert_eq!(other_owner(&link), None);
+        if lchown(&link, Some(12_345), Some(12_346)).is_err() {
+            // Only root can give files away, and only root acts as somebody else.
+            return;
+        }
+        let other = Some(Owner {
+            user: 12_345,
+            group: 12_346,
+        });
+        assert_eq!(other_owner(&link), other);
+        assert_eq!(other_owner(&link.join("below")), other);
+        assert_eq!(other_owner(&own), None);
+        chown(&own, Some(12_345), Some(12_346)).unwrap();
+        assert_eq!(other_owner(&own), other);
+        assert_eq!(other_owner(&own.join("to/be/made")), other);
+    }
+
+    #[test]
+    fn what_root_writes_is_handed_to_the_owner_and_nothing_else_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let owner = |name: &str| fs::metadata(path(name)).unwrap().uid();
+        for name in ["file", "new", "linked"] {
+            fs::write(path(name), name).unwrap();
+        }
+        let before = owner("new");
+        keep_owner(&path("new"), &path("file")).unwrap();
+        assert_eq!(owner("new"), before);
+        if chown(path("file"), Some(12_345), None).is_err() {
+            // Only root can give files away, and only root hands them over.
+            return;
+        }
+        // In place of another user's file; again; and a file that a queue has not written yet.
+        for _ in 0..2 {
+            keep_owner(&path("new"), &path("file")).unwrap();
+            assert_eq!(owner("new"), 12_345);
+        }
+        keep_owner(&path("absent"), &path("file")).unwrap();
+        chown(folder.path(), Some(12_346), None).unwrap();
+        fs::write(path("of_folder"), "").unwrap();
+        keep_owner(&path("of_folder"), &path("other")).unwrap();
+        assert_eq!(owner("of_folder"), 12_346);
+        // A second name of a file of root's, as somebody may have put it there.
+        fs::hard_link(path("linked"), path("again")).unwrap();
+        keep_owner(&path("again"), &path("other")).unwrap_err();
+        assert_eq!(owner("linked"), 0);
+    }
+
+    #[test]
+    fn what_is_denied_for_another_reason_than_owner_and_mode_stays_as_the_system_says_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("key");
+        let denied = || io::Error::from(io::ErrorKind::PermissionDenied);
+        assert_eq!(explain(&path, denied()).to_string(), denied().to_string());
+        fs::write(&path, "").unwrap();
+        assert_eq!(explain(&path, denied()).to_string(), denied().to_string());
+        let other = io::Error::from(io::ErrorKind::NotFound);
+        assert_eq!(explain(&path, other).kind(), io::ErrorKind::NotFound);
     }
 
     #[test]
