@@ -31,6 +31,9 @@ pub struct Report {
     pub applied: Vec<String>,
     /// Keys that differ from those that the bridge runs with, and wait for a restart.
     pub restart: Vec<String>,
+    /// Guard keys that stay in force since their files cannot be read: whose, and why.
+    #[serde(default)]
+    pub kept: Vec<String>,
 }
 
 /// Keys of `[dli]` that change while the bridge runs.
@@ -203,4 +206,48 @@ fn conflict(fault: &Fault) -> String {
         "{key} is {found}, expected {expected}; it does not fit what the running bridge keeps until a restart: restart it \
          instead"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bridge::Dli;
+    use super::*;
+
+    #[test]
+    fn the_guide_lists_what_a_reload_applies_and_what_it_leaves() {
+        let page = include_str!("../../../docs/guide/install.md");
+        let (_, section) = page
+            .split_once("## Another configuration without a restart")
+            .expect("a section");
+        let item = |begins: &str| {
+            let (_, rest) = section.split_once(begins).expect(begins);
+            rest.split("\n- ").next().unwrap_or_default().to_owned()
+        };
+        let applied = item("- Applied: ");
+        let left = item("- Named and left until a restart: ");
+        let check = |key: &str, is_applied: bool| {
+            let key = format!("`{key}`");
+            assert_eq!(applied.contains(&key), is_applied, "{key}");
+            assert_eq!(left.contains(&key), !is_applied, "{key}");
+        };
+        for key in Dli::KEYS {
+            check(key.name, DLI.contains(&key.name));
+        }
+        // These two say which vehicles there are.
+        let which = ["id", "count"];
+        for key in Vehicle::KEYS
+            .iter()
+            .filter(|key| !which.contains(&key.name))
+        {
+            check(key.name, !VEHICLE.contains(&key.name));
+        }
+        for table in Config::KEYS {
+            match table.name {
+                "dli" => {}
+                list @ ("cucs" | "vehicle" | "forward") => check(&format!("[[{list}]]"), true),
+                "authority" => check("[authority]", true),
+                other => check(&format!("[{other}]"), false),
+            }
+        }
+    }
 }

@@ -2,15 +2,21 @@
 
 use std::path::Path;
 
-use crate::config::airside::AirsideConfig;
-use crate::config::{Config, ContingencyAction, ExchangeMode, Signing, owner_name};
-use crate::shell::key_file::{self, KeyFileError};
-use crate::shell::server::StartError;
-use crate::shell::web::Tiles;
+use anyhow::anyhow;
 use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
+use toml::Spanned;
 
-use super::process::{Failure, bad, print};
+use crate::config::airside::AirsideConfig;
+use crate::config::{
+    Config, ContingencyAction, ExchangeMode, Signing, Vehicle, line_in, owner_name,
+};
+use crate::shell::clock::Clock;
+use crate::shell::key_file;
+use crate::shell::server::StartError;
+use crate::shell::server::checks::{self, NamedFile};
+
+use super::process::{Failure, bad, load, load_airside, print};
 
 /// Who owns an id, where that is known.
 fn owner(id: Id) -> String {
@@ -19,14 +25,24 @@ fn owner(id: Id) -> String {
 
 pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     // If the file cannot be read, loading it below reports that.
-    if std::fs::read_to_string(path).is_ok_and(|text| AirsideConfig::is_meant_by(&text)) {
+    if AirsideConfig::is_at(path) {
         return check_airside(path);
     }
-    let mut config = Config::load(path).map_err(bad)?;
-    config.read_terrain(None).map_err(bad)?;
-    if let Some(tiles) = &config.web.tiles {
-        Tiles::open(tiles).map_err(StartError::from).map_err(bad)?;
+    let mut config = load(path)?;
+    if let Err(fault) = config.read_terrain(None) {
+        let of = |one: &Spanned<Vehicle>| {
+            let terrain = one.get_ref().terrain.as_ref();
+            terrain.is_some_and(|terrain| fault.path().starts_with(&terrain.dir))
+        };
+        let at = config.vehicle.iter().find(|one| of(one));
+        let at = at.map_or(0, |one| one.span().start);
+        return Err(bad(in_file(path, (at, "vehicle.terrain"), &fault)));
     }
+    let files = checks::named_files(&config, Some(path));
+    let held = keys(path, &files)?;
+    let key_of = |whose: String| held.iter().find(|(file, _)| file.whose == whose);
+    let list = checks::look_at_access(&config)
+        .map_err(|fault| bad(in_file(path, (0, "access.list"), &fault)))?;
     let mut text = format!("{}: good\n", path.display());
     text += &format!("  VSM {} on {}", config.dli.vsm_id, config.dli.listen);
     if let Some(group) = config.dli.group() {
@@ -51,12 +67,9 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
         } else {
             ""
         };
-        let guard = match &station.guard {
-            Some(guard) => {
-                let key = key_file::read(&guard.key_file).map_err(bad)?;
-                format!(", guarded with key id {}", key.id())
-            }
-            None => String::new(),
+        let guard = match key_of(format!("CUCS {}", station.id)) {
+            Some((_, Some(key))) => format!(", guarded with key id {key}"),
+            _ => String::new(),
         };
         text += &format!(
             "  CUCS {} from {from}: LOI {}{overrides}{}{guard}\n",
@@ -65,31 +78,30 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
             owner(station.id)
         );
     }
-    for warning in config.warnings() {
+    for warning in config.warnings().iter().chain(&list) {
         text += &format!("  WARNING: {warning}\n");
     }
     if config.cucs.is_empty() {
         text += "  no CUCS is listed: nobody may connect\n";
     }
-    let mut keys: Vec<(Id, KeyId)> = vec![];
     for vehicle in config.vehicles() {
-        let signing = match &vehicle.signing {
-            Signing::KeyFile(file, exchange)
-                if exchange.mode == ExchangeMode::On && !file.exists() =>
-            {
-                "signed, no key yet: begin with `vsm pair`".to_owned()
-            }
-            Signing::KeyFile(file, _) => {
-                let (key, place) = read_key(file, path).map_err(bad)?;
-                if let Some((one, _)) = keys.iter().find(|(_, known)| *known == key) {
-                    let (one, other) = (*one, vehicle.id);
-                    let fault = StartError::SameKey { one, other, key };
-                    return Err(bad(fault));
-                }
-                keys.push((vehicle.id, key));
+        let key = key_of(format!("vehicle {}", vehicle.id));
+        let signing = match (&vehicle.signing, key) {
+            (Signing::KeyFile(..), Some((file, Some(key)))) => {
+                let place = file.copied_to.as_ref().map_or_else(String::new, |to| {
+                    let (from, to) = (file.path.display(), to.display());
+                    format!(", in {from}: vsm.service copies it to {to} at its first start")
+                });
                 format!("signed, key id {key}{place}")
             }
-            Signing::Off => "NOT SIGNED: anyone in range can command it".to_owned(),
+            (Signing::KeyFile(_, exchange), _) if exchange.mode == ExchangeMode::On => {
+                "signed, no key yet: begin with `vsm pair`".to_owned()
+            }
+            (Signing::KeyFile(..), _) => {
+                "signed, no key yet: the start makes one that nobody has, until one is agreed on"
+                    .to_owned()
+            }
+            (Signing::Off, _) => "NOT SIGNED: anyone in range can command it".to_owned(),
         };
         text += &format!(
             "  vehicle {} (system {}) on {}: {signing}{}\n",
@@ -105,19 +117,9 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
         }
     }
     for forward in config.forwards() {
-        let signing = match &forward.key_file {
-            Some(file) => {
-                let key = key_file::read(file).map_err(bad)?.id();
-                if let Some((one, _)) = keys.iter().find(|(_, known)| *known == key) {
-                    return Err(bad(StartError::ForwardKey {
-                        name: forward.name.clone(),
-                        other: format!("vehicle {one}"),
-                        key,
-                    }));
-                }
-                format!("signed, key id {key}")
-            }
-            None => "not signed".to_owned(),
+        let signing = match key_of(format!("[[forward]] {}", forward.name)) {
+            Some((_, Some(key))) => format!("signed, key id {key}"),
+            _ => "not signed".to_owned(),
         };
         let may = match (&forward.commands.0, forward.while_controlled) {
             (None, _) => "only receives",
@@ -132,34 +134,55 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     print(&text)
 }
 
-/// The id of a vehicle's key. The packaged unit copies the key that lies beside the configuration to its place at its first
-/// start: until then that one is checked, or missing, since a second key made in that place would not be the vehicle's.
-fn read_key(file: &Path, config: &Path) -> Result<(KeyId, String), KeyFileError> {
-    match key_file::read(file) {
-        Ok(key) => Ok((key.id(), String::new())),
-        Err(KeyFileError::Absent { .. }) if file.starts_with(SERVICE_STATE) => {
-            let beside = config.with_file_name(file.file_name().unwrap_or_default());
-            let key = key_file::read(&beside)?;
-            let (from, to) = (beside.display(), file.display());
-            let place = format!(", in {from}: vsm.service copies it to {to} at its first start");
-            Ok((key.id(), place))
-        }
-        Err(fault) => Err(fault),
+/// The key in force of each file, where it has one.
+fn keys<'a>(
+    path: &Path,
+    files: &'a [NamedFile],
+) -> Result<Vec<(&'a NamedFile, Option<KeyId>)>, Failure> {
+    let looked = checks::look(files, Clock::default().now());
+    let each = files.iter().zip(looked).map(|(file, held)| match held {
+        Ok(held) => Ok((file, held.first().copied())),
+        // The first agreement makes it.
+        Err(StartError::NotPaired { .. }) => Ok((file, None)),
+        Err(fault) => Err(bad(in_file(path, (file.at, file.key), &fault))),
+    });
+    each.collect()
+}
+
+/// What is wrong with what a key of the file names, with the key and its line. `at`: the byte at which its table begins.
+fn in_file(path: &Path, (at, key): (usize, &str), fault: &impl std::fmt::Display) -> anyhow::Error {
+    let line = line_in(path, at, key).map_or_else(String::new, |line| format!("line {line}: "));
+    let text = fault.to_string();
+    // Some name their key themselves.
+    let text = text.strip_prefix(&format!("{key}: ")).unwrap_or(&text);
+    anyhow!("{}: {line}{key}: {text}", path.display())
+}
+
+/// Why a start has failed, with the key and line of the file that it could not use, where it is one.
+pub(super) fn located(path: &Path, config: &Config, fault: StartError) -> anyhow::Error {
+    let files = checks::named_files(config, None);
+    let text = fault.to_string();
+    let looked = checks::look(&files, Clock::default().now());
+    let is_it = |held: &Result<_, StartError>| {
+        let cause = held.as_ref().err().map(ToString::to_string);
+        cause.as_ref() == Some(&text)
+    };
+    match files.iter().zip(looked).find(|(_, held)| is_it(held)) {
+        Some((file, _)) => in_file(path, (file.at, file.key), &fault),
+        None => fault.into(),
     }
 }
 
-/// `StateDirectory` of the packaged unit.
-const SERVICE_STATE: &str = "/var/lib/vsm";
-
 fn check_airside(path: &Path) -> Result<(), Failure> {
-    let config = AirsideConfig::load(path).map_err(bad)?;
+    let config = load_airside(path)?;
     let (agent, radio, px4) = (
         config.agent.get_ref(),
         config.radio.get_ref(),
         config.px4.get_ref(),
     );
     let key = if agent.key_file.exists() {
-        let key = key_file::read(&agent.key_file).map_err(bad)?;
+        let key = key_file::read(&agent.key_file)
+            .map_err(|fault| bad(in_file(path, (0, "agent.key_file"), &fault)))?;
         format!("key id {}", key.id())
     } else {
         "no key yet: nothing is relayed before one has been agreed".to_owned()

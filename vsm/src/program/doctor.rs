@@ -9,7 +9,7 @@ use anyhow::{Context as _, anyhow};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::process::{Failure, bad, failed, print, runtime, waiting};
+use super::process::{Failure, failed, load, print, runtime, waiting};
 use crate::config::Config;
 use crate::session::Logged;
 use crate::session::findings::Finding;
@@ -40,14 +40,14 @@ struct Speaks {
 }
 
 pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
-    let config = Config::load(path).map_err(bad)?;
+    let config = load(path)?;
     let (running, facts) = {
         let longest = LISTEN_FOR.as_secs_f64().max(SETTLED_S);
         let _waiting = waiting(
-            "what arrives: 3 s, and of a bridge that has just started its first 12 s",
+            "what arrives: 3 s, and of a bridge that has just started its first 12 s; more where elevation files are read",
             Duration::from_secs_f64(longest) + ANSWER_WITHIN,
         );
-        runtime()?.block_on(look(&config))?
+        runtime()?.block_on(look(&config, path))?
     };
     let mut found = host::judge(&facts);
     if let Some(running) = &running {
@@ -69,7 +69,13 @@ pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
         .collect();
     let store = config.store.dir.display();
     if json {
-        let report = json!({"running": running.is_some(), "findings": found, "logged": logged, "profiles": speak});
+        let report = json!({
+            "running": running.is_some(),
+            "standby": facts.standby,
+            "findings": found,
+            "logged": logged,
+            "profiles": speak,
+        });
         print(&format!("{report}\n"))?;
     } else {
         let mut text = match &running {
@@ -77,13 +83,17 @@ pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
                 "VSM {} has run for {:.0} s on the store {store}\n",
                 running.vsm, running.uptime_s
             ),
+            None if facts.standby.is_some() => {
+                let why = facts.standby.as_deref().unwrap_or_default();
+                format!("the node on the store {store} stands by: {why}\n")
+            }
             None => format!(
                 "no bridge answers for the store {store}: only this computer was looked at; while \"vsm run\" runs, this shows \
                  what arrives, too\n"
             ),
         };
         for finding in &found {
-            text += &format!("{finding}\n");
+            text += &format!("{finding} [{}]\n", finding.code);
         }
         if found.is_empty() {
             text += if logged.is_empty() {
@@ -139,11 +149,12 @@ fn count(findings: usize) -> String {
     }
 }
 
-async fn look(config: &Config) -> Result<(Option<Running>, HostFacts), Failure> {
+async fn look(config: &Config, path: &Path) -> Result<(Option<Running>, HostFacts), Failure> {
     if ask(config)?.is_none() {
-        return Ok((None, self_check::before_a_start(config, LISTEN_FOR).await));
+        let facts = self_check::before_a_start(config, path, LISTEN_FOR).await;
+        return Ok((None, facts));
     }
-    let mut facts = self_check::beside(config, LISTEN_FOR).await;
+    let mut facts = self_check::beside(config, path, LISTEN_FOR).await;
     let ended = || failed(anyhow!("the bridge has ended meanwhile: look at its log"));
     // After that, so that its times are fresh.
     let mut running = ask(config)?.ok_or_else(ended)?;

@@ -1,11 +1,12 @@
 //! `vsm reload`.
 
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 
-use crate::config::{Config, ConfigError, Report};
+use crate::config::{Config, ConfigError, Report, open_file};
 use crate::shell::status_socket;
 
 use super::process::{Failure, bad, failed, print, waiting};
@@ -29,19 +30,24 @@ pub(crate) fn reload(path: &Path, json: bool) -> Result<(), Failure> {
     match report.refused {
         None => Ok(()),
         Some(why) => Err(bad(anyhow!(
-            "the running bridge refuses {}, and nothing has changed: {why}",
+            "the running bridge refuses {}, and nothing of it is applied: {why}",
             path.display()
         ))),
     }
 }
 
 fn readable(path: &Path, report: &Report) -> String {
-    if report.refused.is_some() {
-        return String::new();
+    let mut text = String::new();
+    match report.refused {
+        None => text += &format!("{}: read again by the running bridge\n", path.display()),
+        Some(_) if report.applied.is_empty() && report.kept.is_empty() => return text,
+        Some(_) => text += "the configuration is refused; guard keys are read again all the same\n",
     }
-    let mut text = format!("{}: read again by the running bridge\n", path.display());
-    if report.applied.is_empty() {
+    if report.applied.is_empty() && report.refused.is_none() {
         text += "  nothing to apply\n";
+    }
+    for kept in &report.kept {
+        text += &format!("  NOT APPLIED: {kept}\n");
     }
     for change in &report.applied {
         text += &format!("  applied: {change}\n");
@@ -58,7 +64,11 @@ fn store_of(path: &Path) -> Result<PathBuf, ConfigError> {
         Ok(config) => return Ok(config.store.dir),
         Err(fault) => fault,
     };
-    let text = std::fs::read_to_string(path).unwrap_or_default();
+    let mut text = String::new();
+    let read = open_file(path).and_then(|mut file| file.read_to_string(&mut text));
+    if read.is_err() {
+        return Err(fault);
+    }
     let table: Option<toml::Table> = toml::from_str(&text).ok();
     let store = table.and_then(|table| Some(table.get("store")?.get("dir")?.as_str()?.to_owned()));
     let folder = path.parent().unwrap_or(Path::new(""));

@@ -8,13 +8,14 @@ use crate::shell::disk::{FileDisk, NativeFileSystem};
 use crate::shell::server::{Gathering, Server, StartError};
 use crate::shell::service;
 
+use super::check_config::located;
 use super::process::{
-    Failure, LogFormat, announce, bad, failed, gathering_runtime, log, stop_signal,
+    Failure, LogFormat, announce, bad, failed, gathering_runtime, load, log, stop_signal,
 };
 use super::zeroize;
 
 pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
-    let mut config = Config::load(path).map_err(bad)?;
+    let mut config = load(path)?;
     let _log = log(format)?;
     // Before any key is read and any socket is open: after an order to zeroize, nothing may be served.
     zeroize::finish(
@@ -40,13 +41,21 @@ pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
             return Ok(());
         };
         let opened = service::while_busy(|| Server::open_on(&config, disk));
-        let mut server = opened.map_err(|fault| match fault {
-            StartError::Key(_)
-            | StartError::Keys(_)
-            | StartError::SameKey { .. }
-            | StartError::GuardKey { .. }
-            | StartError::Terrain(_) => bad(fault),
-            other => failed(other),
+        let mut server = opened.map_err(|fault| {
+            let of_the_file = matches!(
+                fault,
+                StartError::Key(_)
+                    | StartError::Keys(_)
+                    | StartError::SameKey { .. }
+                    | StartError::GuardKey { .. }
+                    | StartError::Terrain(_)
+            );
+            let fault = located(path, &config, fault);
+            if of_the_file {
+                bad(fault)
+            } else {
+                failed(fault)
+            }
         })?;
         server.reload_from(path).map_err(failed)?;
         server.serve_until(owned.lease.clone());

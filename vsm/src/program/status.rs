@@ -13,7 +13,7 @@ use anyhow::Context as _;
 use serde_json::{Value, json};
 use stanag_msgs::enums::LoiBitmap;
 
-use super::process::{Failure, bad, failed, print, waiting};
+use super::process::{Failure, bad, failed, load, print, waiting};
 use super::status_vehicles::{self as vehicles, list};
 pub(super) use super::status_vehicles::{counts, encryption, plain};
 
@@ -96,7 +96,7 @@ fn readable(status: &Value, many: bool) -> String {
     }
     for finding in list(&status["findings"]) {
         let (cause, cure) = (plain(&finding["cause"]), plain(&finding["cure"]));
-        text += &format!("FINDING: {cause}; {cure}\n");
+        text += &format!("FINDING: {cause}; {cure} [{}]\n", plain(&finding["code"]));
     }
     for station in list(&status["stations"]) {
         let address = station["address"]
@@ -134,7 +134,7 @@ fn readable(status: &Value, many: bool) -> String {
 
 /// `vsm guard status`: what of each ground station verifies, and what was refused.
 pub(super) fn show_guards(path: &Path, json: bool) -> Result<(), Failure> {
-    let config = Config::load(path).map_err(bad)?;
+    let config = load(path)?;
     let shown = if json { guards_json } else { guards };
     report("vsm", &config.store.dir, false, |status| {
         shown(status, &pairings(&config))

@@ -114,6 +114,7 @@ mod vehicle_pattern;
 pub mod web;
 mod zeroize;
 
+pub(crate) use access::examine as examine_access;
 pub use access::{
     AccessEntry, AccessError, AccessKey, AccessList, AccessStatus, Group as AccessGroup, ListError,
     MAX_LIST_BYTES, PreparedAccess, RenewError, UnknownGroup, parse_until,

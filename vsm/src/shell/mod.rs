@@ -9,7 +9,8 @@
 //! `service` show the state to people and to systemd; `tasks` ends a program when a part of it has ended. On these stand
 //! the programs: `server` (`vsm run`), `replay` (`vsm replay`), `airside` with `airside_disk` and `airside_key` (`vsm
 //! airside`), `guard_proxy` and `guard_link` (`vsm guard`), `pairing` (`vsm pair`), `key_link` (`vsm key`) and
-//! `settings_link` (`vsm check-vehicle`). `self_check` holds the checks that need no bridge, `fleet` a
+//! `settings_link` (`vsm check-vehicle`). `self_check` holds the checks that need no bridge, with `trial_disk` for a start
+//! that is only tried, `fleet` a
 //! store that several computers share, `erase` what `vsm zeroize` and an order to zeroize do with the files of all these.
 
 pub mod airside;
@@ -50,4 +51,5 @@ pub mod status_socket;
 pub mod tasks;
 pub mod tcp;
 mod test_fault;
+mod trial_disk;
 pub mod web;

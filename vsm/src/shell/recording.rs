@@ -10,6 +10,7 @@ use mavlink_link::frame::FrameView;
 use mavlink_link::store::remedy;
 use mavlink_link::tlog;
 
+use super::disk;
 use super::ownership;
 use crate::session::Counters;
 
@@ -62,6 +63,17 @@ pub(super) struct RecordFile {
     dropped: u64,
     removed: u64,
     reported_at: Option<Duration>,
+}
+
+/// Whether a file can be begun in `folder`, as [`RecordFile::begin`] does.
+///
+/// # Errors
+/// The folder cannot be made or written, or it is open to others.
+pub(super) fn check(folder: &Path) -> io::Result<()> {
+    if folder.exists() {
+        ownership::check_folder(folder)?;
+    }
+    disk::probe(folder)
 }
 
 impl RecordFile {

@@ -1,30 +1,50 @@
-//! What a computer looks like to a bridge: what `vsm doctor` looks at by itself, and the key files, which a running bridge
-//! looks at too.
+//! What a computer looks like to a bridge: what `vsm doctor` looks at by itself, beside a running bridge or before a start.
 
+use std::fs;
 use std::io;
-use std::net::{SocketAddr, TcpListener, ToSocketAddrs as _, UdpSocket};
-use std::path::PathBuf;
+use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use dli_group::Interface;
-use rustix::fs::{Access, access};
 
-use super::clock::NOT_BEFORE;
-use super::disk::{FileDisk, NativeFileSystem, OpenError};
+use super::clock::{Clock, NOT_BEFORE};
+use super::disk::{self, FileDisk, NativeFileSystem, OpenError};
+use super::erase;
+#[cfg(feature = "etcd")]
+use super::fleet::operator::Operator;
 use super::interfaces::listen_elsewhere;
-use super::key_file;
-use crate::config::{Config, ExchangeMode, LinkAddress, Signing};
-use crate::session::findings::host::{HostFacts, StoreFact};
+use super::key_store::KeyStoreError;
+use super::ownership;
+use super::server::StartError;
+use super::server::checks::{self, NamedFile, SERVICE_STATE};
+use super::sockets::{self, DliSockets, Hosts, SocketError};
+use super::trial_disk::{TrialDisk, TrialFiles};
+use crate::config::Config;
+use crate::session::findings::host::{
+    HostFacts, PortFault, PortProblem, StartFault, StartPart, StoreFact,
+};
 
-/// Clock, key files, interface of the group, and who else sends to it: what can be looked at beside a running bridge.
-pub async fn beside(config: &Config, listen_for: Duration) -> HostFacts {
+/// Clock, files, disk, interface of the group, and who else sends to it: what can be looked at beside a running bridge. `file`:
+/// that of the configuration.
+pub async fn beside(config: &Config, file: &Path, listen_for: Duration) -> HostFacts {
     let wall = SystemTime::now().duration_since(UNIX_EPOCH);
     let mut facts = HostFacts {
         wall: wall.unwrap_or_default(),
         not_before: NOT_BEFORE,
-        keys: unusable(key_files(config)),
+        store: disk::is_full(&config.store.dir).map(StoreFact::Unusable),
         ..HostFacts::default()
     };
+    // Root may have read it for a service that may not.
+    let readable = fs::metadata(file).map(|about| ownership::check_readable(&about, file));
+    if let Ok(Err(fault)) = readable {
+        facts.start.push(StartFault {
+            what: StartPart::File,
+            why: fault.to_string(),
+        });
+    }
+    let now = Clock::default().now();
+    let files = checks::named_files(config, Some(file));
+    facts.keys = checks::look_at_key_files(&files, now).faults;
     let Some(group) = config.dli.multicast else {
         return facts;
     };
@@ -46,62 +66,6 @@ pub async fn beside(config: &Config, listen_for: Duration) -> HostFacts {
     facts
 }
 
-/// A key file of the configuration.
-#[derive(Debug)]
-pub(super) struct KeyFile {
-    whose: String,
-    path: PathBuf,
-    /// It holds a key that is agreed with an agent, and is not there before that.
-    agreed: bool,
-}
-
-/// The key files that the next start will read.
-pub(super) fn key_files(config: &Config) -> Vec<KeyFile> {
-    let vehicles = config.vehicles().filter_map(|vehicle| {
-        let Signing::KeyFile(path, exchange) = &vehicle.signing else {
-            return None;
-        };
-        let agreed = exchange.mode != ExchangeMode::Off;
-        Some((format!("vehicle {}", vehicle.id), path, agreed))
-    });
-    let stations = config.stations().filter_map(|station| {
-        let guard = station.guard.as_ref()?;
-        Some((format!("CUCS {}", station.id), &guard.key_file, false))
-    });
-    let forwards = config.forwards().filter_map(|forward| {
-        let path = forward.key_file.as_ref()?;
-        Some((format!("[[forward]] {}", forward.name), path, false))
-    });
-    let access = config.access.iter();
-    let access = access.map(|access| ("[access]".to_owned(), &access.key_file, false));
-    let store = config.store.key_file.iter();
-    let store = store.map(|path| ("[store]".to_owned(), path, false));
-    let of_vehicles_and_stations = vehicles.chain(stations).chain(forwards);
-    let each = of_vehicles_and_stations.chain(access).chain(store);
-    let each = each.map(|(whose, path, agreed)| KeyFile {
-        whose,
-        path: path.clone(),
-        agreed,
-    });
-    each.collect()
-}
-
-/// Those of them that it could not use: whose, and why. Blocks, on a file server that does not answer for as long as that.
-pub(super) fn unusable(files: Vec<KeyFile>) -> Vec<(String, String)> {
-    let fault = |file: KeyFile| {
-        let why = if file.agreed && !file.path.exists() {
-            format!(
-                "no key {} has been agreed yet, or it is lost: pair with the air-side agent (\"vsm pair\")",
-                file.path.display()
-            )
-        } else {
-            key_file::read(&file.path).err()?.to_string()
-        };
-        Some((file.whose, why))
-    };
-    files.into_iter().filter_map(fault).collect()
-}
-
 /// As `vsm run` does.
 fn open(config: &Config) -> Result<FileDisk, OpenError> {
     match config.store.shared() {
@@ -110,44 +74,200 @@ fn open(config: &Config) -> Result<FileDisk, OpenError> {
     }
 }
 
-/// The same, and what a start would need: store and ports.
-pub async fn before_a_start(config: &Config, listen_for: Duration) -> HostFacts {
-    let mut facts = beside(config, listen_for).await;
-    // A folder that is missing is made by the start; the lock is released at once.
+/// The same, and what a start would need: the store, and all that it opens. Blocks on name servers and elevation files.
+pub async fn before_a_start(config: &Config, file: &Path, listen_for: Duration) -> HostFacts {
+    let mut facts = beside(config, file, listen_for).await;
+    // A start makes a folder that is missing; this one must leave nothing behind.
     let folder = &config.store.dir;
-    facts.store = match folder.exists().then(|| open(config)) {
-        None | Some(Ok(_)) => None,
+    match folder.exists().then(|| open(config)) {
+        // The lock is released at once.
+        None | Some(Ok(_)) => {}
         Some(Err(OpenError::Locked { folder })) => {
-            // The ports were not checked: the process that uses the store uses them too.
-            facts.store = Some(StoreFact::Locked(folder.display().to_string()));
+            // The ports are not checked: the process that uses the store uses them too.
+            match fleet(config) {
+                Some(Ok(Some(stands_by))) => facts.standby = Some(stands_by),
+                // A node that stands by waits for etcd, and answers nobody meanwhile.
+                Some(Err(why)) => facts.etcd = Some(why),
+                Some(Ok(None)) | None => {
+                    facts.store = Some(StoreFact::Locked(folder.display().to_string()));
+                }
+            }
             return facts;
         }
-        Some(Err(fault)) => Some(StoreFact::Unusable(fault.to_string())),
-    };
-    let mut want = |key, value: String, had: io::Result<()>| {
-        if let Err(cause) = had {
-            facts.ports.push((key, value, cause.to_string()));
+        Some(Err(OpenError::Zeroizing { folder })) => {
+            facts.store = Some(StoreFact::Zeroized(folder.display().to_string()));
         }
-    };
-    let udp = |at: SocketAddr| UdpSocket::bind(at).map(drop);
-    want(
-        "dli.listen",
-        config.dli.listen.to_string(),
-        udp(config.dli.listen),
-    );
-    if let Some(http) = &config.http {
-        let had = TcpListener::bind(http.listen).map(drop);
-        want("http.listen", http.listen.to_string(), had);
+        Some(Err(fault)) => facts.store = Some(StoreFact::Unusable(fault.to_string())),
     }
-    for vehicle in config.vehicles() {
-        let had = match &vehicle.link {
-            LinkAddress::UdpIn(at) => udp(*at),
-            LinkAddress::UdpOut(host) => host.to_socket_addrs().map(drop),
-            LinkAddress::Serial { device, .. } => {
-                access(device.as_str(), Access::READ_OK | Access::WRITE_OK).map_err(Into::into)
-            }
-        };
-        want("vehicle.link", vehicle.link.to_string(), had);
+    if folder.exists() && erase::is_zeroized(folder) {
+        facts.store = Some(StoreFact::Zeroized(folder.display().to_string()));
+    }
+    let files = checks::named_files(config, Some(file));
+    let at_first_start = |file: &NamedFile| file.copied_to.is_some();
+    // The unit makes its folder, and puts the key there.
+    let is_installed = folder.exists() || !folder.starts_with(SERVICE_STATE);
+    if facts.store.is_none()
+        && is_installed
+        && let Err(cause) = disk::probe(folder)
+    {
+        let folder = folder.display();
+        facts.store = Some(StoreFact::Unusable(format!(
+            "[store] dir {folder}: {cause}"
+        )));
+    }
+    if let Some(Err(why)) = fleet(config) {
+        facts.etcd = Some(why);
+    }
+    if files.iter().any(at_first_start) {
+        return facts;
+    }
+    let Err(cause) = checks::try_start(config) else {
+        facts.start.extend(access(config));
+        return facts;
+    };
+    // It ends at the first fault. A serial line that it has opened is closed by a task.
+    tokio::time::sleep(CLOSED_WITHIN).await;
+    ports(config, &mut facts);
+    if !is_known(&cause, &facts) {
+        facts.start.push(start_fault(&cause));
     }
     facts
 }
+
+/// Whether the facts have what ended a start, perhaps in words that say more.
+fn is_known(cause: &StartError, facts: &HostFacts) -> bool {
+    match cause {
+        StartError::Socket(_) | StartError::Http { .. } => {
+            !facts.ports.is_empty() || facts.interface.is_some()
+        }
+        // A look locks nothing, and does not see that another process has a lock.
+        StartError::Keys(KeyStoreError::Locked { .. }) => false,
+        StartError::Key(_)
+        | StartError::Keys(_)
+        | StartError::NotPaired { .. }
+        | StartError::SameKey { .. }
+        | StartError::ForwardKey { .. }
+        | StartError::GuardKey { .. }
+        | StartError::AccessKey { .. } => !facts.keys.is_empty(),
+        _ => false,
+    }
+}
+
+/// What the node that has the store does, where it is one of several and etcd has its lease: it stands by, and for whom. An
+/// error: etcd does not answer.
+#[cfg(feature = "etcd")]
+fn fleet(config: &Config) -> Option<Result<Option<String>, String>> {
+    let store = config.store.shared()?;
+    let fleet = Operator::new(&store, config.dli.vsm_id).fleet();
+    Some(fleet.map_err(|cause| cause.to_string()).map(|fleet| {
+        let mut nodes = fleet.nodes.iter();
+        let own = nodes.find(|one| one.name == store.node && one.present)?;
+        match &fleet.owner {
+            // It serves, and should answer.
+            Some(owner) if *owner == own.name => None,
+            _ if own.drained => Some("it is drained".to_owned()),
+            Some(owner) => Some(format!("{owner} serves")),
+            None => Some("no node serves yet".to_owned()),
+        }
+    }))
+}
+
+#[cfg(not(feature = "etcd"))]
+fn fleet(_: &Config) -> Option<Result<Option<String>, String>> {
+    None
+}
+
+/// What ends a start, or what it serves without, that has no place of its own in the facts.
+fn start_fault(cause: &StartError) -> StartFault {
+    let what = match cause {
+        StartError::Access(_) => StartPart::AccessList,
+        StartError::Terrain(_) | StartError::Recording { .. } | StartError::Tiles(_) => {
+            StartPart::File
+        }
+        _ => StartPart::Other,
+    };
+    StartFault {
+        what,
+        why: cause.to_string(),
+    }
+}
+
+/// An access list that is not that of the file: the store has an earlier one.
+fn access(config: &Config) -> Option<StartFault> {
+    let why = checks::look_at_access(config).ok()??;
+    Some(StartFault {
+        what: StartPart::AccessList,
+        why: format!("{why}; a start serves by the list of the store"),
+    })
+}
+
+/// Each port, address and device by itself: a start ends at the first that it cannot have. Those that are opened stay so
+/// until all are, since two of the configuration may be the same.
+fn ports(config: &Config, facts: &mut HostFacts) {
+    let mut held: Vec<Box<dyn std::any::Any>> = vec![];
+    let mut fault = |key, value: String, kind: io::ErrorKind, why: String| {
+        let problem = problem(kind);
+        facts.ports.push(PortFault {
+            key,
+            value,
+            problem,
+            why,
+        });
+    };
+    let mut of_socket = |key, value: String, cause: &SocketError| {
+        let (kind, why) = cause.reason();
+        fault(key, value, kind, why);
+    };
+    match DliSockets::open_unicast(&config.dli) {
+        Ok(socket) => held.push(Box::new(socket)),
+        Err(cause) => of_socket("dli.listen", config.dli.listen.to_string(), &cause),
+    }
+    match DliSockets::open_group(&config.dli) {
+        Ok(group) => held.push(Box::new(group)),
+        // That the interface is not there has a line of its own.
+        Err(SocketError::Interface(_)) if facts.interface.is_some() => {}
+        Err(cause) => {
+            let group = config.dli.multicast;
+            let group = group.map_or_else(String::new, |group| group.to_string());
+            of_socket("dli.multicast", group, &cause);
+        }
+    }
+    let mut store = TrialDisk::new(&config.store.dir, TrialFiles::default());
+    for link in config.links() {
+        // Of the vehicles on a link the first names the record of its port.
+        let Some(vehicle) = config.vehicles().find(|one| one.link == *link) else {
+            continue;
+        };
+        let record = sockets::port_record(config, vehicle);
+        match sockets::open_link("vehicle.link", link, &Hosts::AskNow, &record, &mut store) {
+            Ok(opened) => held.push(Box::new(opened)),
+            Err(cause) => of_socket("vehicle.link", link.to_string(), &cause),
+        }
+    }
+    for forward in config.forwards() {
+        let record = format!("port-forward-{}", forward.name);
+        match sockets::open_forward(&forward.link, &Hosts::AskNow, &record, &mut store) {
+            Ok(opened) => held.push(Box::new(opened)),
+            Err(cause) => of_socket("forward.link", forward.link.to_string(), &cause),
+        }
+    }
+    if let Some(http) = &config.http
+        && let Err(cause) = std::net::TcpListener::bind(http.listen)
+    {
+        let (at, why) = (http.listen.to_string(), cause.to_string());
+        fault("http.listen", at, cause.kind(), why);
+    }
+}
+
+fn problem(kind: io::ErrorKind) -> PortProblem {
+    match kind {
+        io::ErrorKind::AddrInUse | io::ErrorKind::ResourceBusy => PortProblem::Taken,
+        io::ErrorKind::AddrNotAvailable => PortProblem::Elsewhere,
+        io::ErrorKind::PermissionDenied => PortProblem::Denied,
+        io::ErrorKind::NotFound => PortProblem::Absent,
+        _ => PortProblem::Other,
+    }
+}
+
+/// The task that writes a serial line ends when nobody writes to it, which takes a moment.
+const CLOSED_WITHIN: Duration = Duration::from_millis(50);

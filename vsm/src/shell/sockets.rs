@@ -59,6 +59,25 @@ pub enum SocketError {
 }
 
 impl SocketError {
+    /// The system's reason, without the address: of which kind, and in words.
+    pub(super) fn reason(&self) -> (io::ErrorKind, String) {
+        match self {
+            SocketError::Bind { cause, .. } | SocketError::Resolve { cause, .. } => {
+                (cause.kind(), cause.to_string())
+            }
+            SocketError::Interface(cause) => (io::ErrorKind::Other, cause.to_string()),
+            SocketError::Serial { cause, .. } => {
+                let kind = match cause.kind {
+                    // Another program has locked it.
+                    tokio_serial::ErrorKind::NoDevice => io::ErrorKind::ResourceBusy,
+                    tokio_serial::ErrorKind::Io(kind) => kind,
+                    _ => io::ErrorKind::Other,
+                };
+                (kind, cause.to_string())
+            }
+        }
+    }
+
     fn bind(key: &'static str, address: impl ToString, cause: io::Error) -> SocketError {
         let hint = match cause.kind() {
             io::ErrorKind::AddrInUse => {
@@ -92,8 +111,19 @@ impl DliSockets {
     /// # Errors
     /// An address is taken or not this computer's.
     pub fn open(dli: &Dli) -> Result<DliSockets, SocketError> {
-        let unicast =
-            udp(dli.listen).map_err(|cause| SocketError::bind("dli.listen", dli.listen, cause))?;
+        Ok(DliSockets {
+            unicast: DliSockets::open_unicast(dli)?,
+            group: DliSockets::open_group(dli)?,
+        })
+    }
+
+    /// Binds the socket for stations.
+    pub(super) fn open_unicast(dli: &Dli) -> Result<UdpSocket, SocketError> {
+        udp(dli.listen).map_err(|cause| SocketError::bind("dli.listen", dli.listen, cause))
+    }
+
+    /// Joins the group, if there is one.
+    pub(super) fn open_group(dli: &Dli) -> Result<Option<(UdpSocket, Group)>, SocketError> {
         let group = dli.group().map(|group| {
             let joined = group
                 .receiver()
@@ -106,8 +136,7 @@ impl DliSockets {
                 Err(cause) => Err(SocketError::Interface(cause)),
             }
         });
-        let group = group.transpose()?;
-        Ok(DliSockets { unicast, group })
+        group.transpose()
     }
 }
 

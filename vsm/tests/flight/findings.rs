@@ -6,6 +6,7 @@ use kit::bridge::{Rig, Setup, Station, cucs, orders, vehicle_id};
 use stanag_msgs::enums::AlertPriority;
 use stanag_msgs::{Envelope, MAX_DATAGRAM, Message, wrapper};
 use vsm::session::LogLevel;
+use vsm::session::findings::host::KeyFault;
 
 /// The priorities of the 16000s that begin like this, in their order.
 fn alerts(rig: &Rig, words: &str) -> Vec<AlertPriority> {
@@ -215,10 +216,14 @@ fn a_message_that_cannot_be_decoded_is_named_though_it_requests_no_answer() {
 #[test]
 fn key_files_that_are_gone_are_alerts_of_their_own_after_two_looks() {
     let mut rig = Rig::ready();
-    let gone = |id: &str| (format!("vehicle {id}"), "there is no key file".to_owned());
+    let gone = |id: &str| KeyFault {
+        whose: format!("vehicle {id}"),
+        why: "there is no key file".to_owned(),
+        reload: false,
+    };
     let both = vec![gone("1b:00:01:01"), gone("1b:00:01:02")];
     let words = ["vehicle 1b:00:01:01: there", "vehicle 1b:00:01:02: there"];
-    let look = |rig: &mut Rig, faults: &[(String, String)]| {
+    let look = |rig: &mut Rig, faults: &[KeyFault]| {
         let bridge = rig.bridge.as_mut().expect("it runs");
         bridge.note_key_files(faults.to_vec());
         rig.run(10.0);
@@ -239,4 +244,25 @@ fn key_files_that_are_gone_are_alerts_of_their_own_after_two_looks() {
     assert_eq!(cleared(&rig, words[1]), [AlertPriority::Cleared]);
     look(&mut rig, &[]);
     assert_eq!(cleared(&rig, words[0]), [AlertPriority::Cleared]);
+}
+
+#[test]
+fn a_refused_reload_and_a_full_disk_are_alerts_until_they_are_over() {
+    let mut rig = Rig::ready();
+    let note = |rig: &mut Rig, reload: Option<&str>, disk: Option<&str>| {
+        let bridge = rig.bridge.as_mut().expect("it runs");
+        bridge.note_reload(reload);
+        bridge.note_disk(disk);
+        rig.run(3.0);
+    };
+    note(&mut rig, Some("vsm.toml: line 7"), Some("its disk is full"));
+    let words = ["the last reload was refused", "its disk is full"];
+    for words in words {
+        assert_eq!(alerts(&rig, words), [AlertPriority::Warning], "{words}");
+    }
+    note(&mut rig, None, None);
+    for words in words {
+        let cleared = format!("cleared: {words}");
+        assert_eq!(alerts(&rig, &cleared), [AlertPriority::Cleared], "{words}");
+    }
 }

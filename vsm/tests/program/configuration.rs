@@ -340,6 +340,82 @@ fn a_port_is_given_once() {
     }
 }
 
+/// Good as a text, and a start would end: `vsm check-config` names the key and its line.
+#[test]
+fn what_a_start_would_end_with_is_found_with_its_line() {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let station = "override = false";
+    let keys = "override = false\nguard = { key_file = \"a0.key\" }";
+    let access = "[access]\nlist = \"access.list\"\nkey_file = \"access.key\"\n";
+    let good = GOOD.replace(station, keys) + access;
+    let check = |text: &str| {
+        std::fs::write(path("vsm.toml"), text).unwrap();
+        let mut vsm = std::process::Command::new(kit::process::program("vsm"));
+        let output = vsm.arg("check-config").arg(path("vsm.toml")).output();
+        let output = output.unwrap();
+        let text = [output.stdout, output.stderr].concat();
+        (
+            output.status.code(),
+            String::from_utf8_lossy(&text).into_owned(),
+        )
+    };
+    let refused = |text: &str, words: &[&str]| {
+        let (code, printed) = check(text);
+        assert_eq!(code, Some(2), "{printed}");
+        for word in words {
+            assert!(printed.contains(word), "{word}: {printed}");
+        }
+    };
+    for (name, byte) in [("uav1.key", 1), ("a0.key", 2), ("access.key", 3)] {
+        kit::process::write_key(&path(name), &[byte; 32]);
+    }
+    refused(&good, &["access.list: ", "No such file"]);
+    let vsm = |words: &[&str]| {
+        let mut vsm = std::process::Command::new(kit::process::program("vsm"));
+        let done = vsm.args(words).current_dir(folder.path()).output();
+        assert!(done.is_ok_and(|done| done.status.success()), "{words:?}");
+    };
+    let grant = "access grant access.list --vsm-id 1b:00:00:01 --cucs 1b:00:00:a0 --vehicle 1b:00:01:01 --groups fly \
+                 --guard-key 0011223344556677 --until never";
+    vsm(&grant.split_whitespace().collect::<Vec<_>>());
+    refused(&good, &["access.list: ", "not signed"]);
+    vsm(&["access", "sign", "access.list", "--key-file", "access.key"]);
+    let (code, printed) = check(&good);
+    assert_eq!(code, Some(0), "{printed}");
+    for words in ["guarded with key id", "signed, key id"] {
+        assert!(printed.contains(words), "{printed}");
+    }
+
+    std::fs::remove_file(path("a0.key")).unwrap();
+    std::fs::copy(path("uav1.key"), path("a0.key")).unwrap();
+    let of_guard = ["line 13: cucs.guard.key_file: ", "of vehicle 1b:00:01:01"];
+    refused(&good, &of_guard);
+    std::fs::remove_file(path("a0.key")).unwrap();
+    refused(
+        &good,
+        &["line 13: cucs.guard.key_file: there is no key file"],
+    );
+    kit::process::write_key(&path("a0.key"), &[2; 32]);
+
+    let open = std::fs::Permissions::from_mode(0o777);
+    std::fs::set_permissions(folder.path(), open).unwrap();
+    refused(&good, &["vehicle.signing.key_file: ", "written by others"]);
+    let closed = std::fs::Permissions::from_mode(0o700);
+    std::fs::set_permissions(folder.path(), closed).unwrap();
+
+    let terrain = good.replace("system_id = 1\n", "system_id = 1\nterrain = \"tiles\"\n");
+    refused(
+        &terrain,
+        &["line 18: vehicle.terrain: ", "expected a folder"],
+    );
+    let tiles = good.clone() + "[web]\ntiles = \"map.pmtiles\"\n";
+    refused(&tiles, &["web.tiles: ", "map.pmtiles", "No such file"]);
+    assert_eq!(check(&good).0, Some(0));
+}
+
 #[test]
 fn another_ground_station_is_refused_where_it_would_be_open() {
     let with = |keys: &str| GOOD.to_owned() + "[[forward]]\n" + keys;

@@ -647,6 +647,254 @@ fn before_a_start_it_looks_at_ports_keys_store_and_interface() {
     );
 }
 
+/// What a start ends with.
+struct Ended {
+    name: &'static str,
+    /// Further tables of the configuration.
+    tables: String,
+    /// What is done before.
+    before: fn(&Place),
+    /// The code of its finding.
+    code: &'static str,
+    /// What both doctor and the start print.
+    words: &'static [&'static str],
+}
+
+fn ended(
+    name: &'static str,
+    tables: String,
+    before: fn(&Place),
+    code: &'static str,
+    words: &'static [&'static str],
+) -> Ended {
+    Ended {
+        name,
+        tables,
+        before,
+        code,
+        words,
+    }
+}
+
+/// Doctor must not find nothing where `vsm run` does not start.
+#[test]
+fn what_ends_a_start_is_found_before_it() {
+    let nothing: fn(&Place) = |_| {};
+    let vehicle = |keys: &str| vehicles(&[keys]).0;
+    let access = "[access]\nlist = \"access.list\"\nkey_file = \"access.key\"\n";
+    let guarded = "[[cucs]]\nid = \"1b:00:00:a0\"\nloi = [2]\nguard = { key_file = \"a0.key\" }\n";
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let taken = socket.local_addr().unwrap();
+    let page = format!("[http]\nlisten = \"127.0.0.1:{}\"\n", free_tcp_port());
+    let all = [
+        ended(
+            "a zeroized store",
+            String::new(),
+            |place| {
+                let (code, printed) = place.command(&["zeroize", "--yes", "vsm.toml"]);
+                assert_eq!(code, Some(0), "{printed}");
+            },
+            "zeroized",
+            &["zeroize"],
+        ),
+        ended(
+            "the port of a ground station",
+            format!("[[forward]]\nname = \"qgc\"\nlink = \"udpin:{taken}\"\n"),
+            nothing,
+            "port",
+            &["forward.link"],
+        ),
+        ended(
+            "a device that is no serial line",
+            vehicle("link = \"serial:/dev/null:57600\"\nsigning = \"off\""),
+            nothing,
+            "port",
+            &["vehicle.link", "/dev/null"],
+        ),
+        ended(
+            "a device that is not there",
+            vehicle("link = \"serial:/dev/no-such-line:57600\"\nsigning = \"off\""),
+            nothing,
+            "port",
+            &["vehicle.link", "/dev/no-such-line"],
+        ),
+        ended(
+            "a file in the place of the recordings",
+            "[record]\ndir = \"records\"\n".to_owned(),
+            |place| fs::write(place.path("records"), "").unwrap(),
+            "file",
+            &["[record] dir"],
+        ),
+        ended(
+            "a record that cannot be read",
+            String::new(),
+            |place| {
+                drop(FileDisk::open(&place.path("state")).unwrap());
+                fs::write(place.path("state/audit.key"), "no key").unwrap();
+            },
+            "start",
+            &["audit.key"],
+        ),
+        ended(
+            "a path that is too long for a socket",
+            String::new(),
+            |place| {
+                let text = fs::read_to_string(place.path("vsm.toml")).unwrap();
+                let long = format!("dir = \"{}\"", "s".repeat(120));
+                fs::write(
+                    place.path("vsm.toml"),
+                    text.replace("dir = \"state\"", &long),
+                )
+                .unwrap();
+            },
+            "start",
+            &["status socket"],
+        ),
+        ended(
+            "no access list",
+            access.to_owned(),
+            |place| write_key(&place.path("access.key"), &[1; 32]),
+            "access-list",
+            &["access.list"],
+        ),
+        ended(
+            "a guard key that is a vehicle's",
+            vehicle("") + guarded,
+            |place| {
+                for name in ["1.key", "a0.key"] {
+                    write_key(&place.path(name), &[1; 32]);
+                }
+            },
+            "key-file",
+            &["has the guard key"],
+        ),
+        ended(
+            "a folder of keys that everybody may write",
+            vehicle("signing = { key_file = \"keys/1.key\" }"),
+            |place| {
+                fs::create_dir(place.path("keys")).unwrap();
+                write_key(&place.path("keys/1.key"), &[1; 32]);
+                let open = fs::Permissions::from_mode(0o777);
+                fs::set_permissions(place.path("keys"), open).unwrap();
+            },
+            "key-file",
+            &["written by others"],
+        ),
+        ended(
+            "a pipe in the place of a key",
+            vehicle(""),
+            |place| {
+                let mut made = Command::new("mkfifo");
+                let made = made.args(["-m", "600"]).arg(place.path("1.key")).status();
+                assert!(made.unwrap().success());
+            },
+            "key-file",
+            &["not a regular file"],
+        ),
+        ended(
+            "an address of another computer",
+            String::new(),
+            |place| {
+                let text = fs::read_to_string(place.path("vsm.toml")).unwrap();
+                fs::write(
+                    place.path("vsm.toml"),
+                    text.replace("0.0.0.0", "203.0.113.9"),
+                )
+                .unwrap();
+            },
+            "port",
+            &["dli.listen", "203.0.113.9"],
+        ),
+        ended(
+            "no file of the map's pictures",
+            page + "[web]\ntiles = \"map.pmtiles\"\n",
+            nothing,
+            "file",
+            &["map.pmtiles"],
+        ),
+    ];
+    for one in all {
+        let Ended {
+            name,
+            tables,
+            before,
+            code,
+            words,
+        } = one;
+        let place = Place::new("", &tables);
+        before(&place);
+        let found = place.findings(&[code]);
+        assert_eq!(found.len(), 1, "{name}: {found:#?}");
+        let mut run = Command::new("timeout");
+        let run = run.arg("60").arg(program("vsm")).args(["run", "vsm.toml"]);
+        let output = run.current_dir(place.folder.path()).output().unwrap();
+        let ended = String::from_utf8_lossy(&output.stderr).into_owned();
+        let status = output.status.code();
+        assert!(matches!(status, Some(1..=3)), "{name}: {status:?}: {ended}");
+        for words in words {
+            let both = ended.contains(words) && found[0].1.contains(words);
+            assert!(both, "{name}: {words}: {found:#?}\n{ended}");
+        }
+    }
+}
+
+#[test]
+fn an_address_of_another_computer_has_a_cure_that_fits() {
+    let place = Place::new("", "");
+    let text = fs::read_to_string(place.path("vsm.toml")).unwrap();
+    fs::write(
+        place.path("vsm.toml"),
+        text.replace("0.0.0.0", "203.0.113.9"),
+    )
+    .unwrap();
+    let (code, printed) = place.command(&["doctor"]);
+    assert_eq!(code, Some(1), "{printed}");
+    assert!(
+        printed.contains("name an address of this computer") && printed.contains("[port]"),
+        "{printed}"
+    );
+    assert!(!printed.contains("stop the program"), "{printed}");
+}
+
+/// In a network of its own without any route: this test starts itself there.
+#[test]
+fn a_group_without_a_route_is_found_before_a_start() {
+    const INSIDE: &str = "VSM_TEST_NO_ROUTE";
+    if std::env::var_os(INSIDE).is_none() {
+        let mut probe = Command::new("unshare");
+        probe.args(["-rn", "sh", "-c", "ip link set lo up"]);
+        if !tools::works("a network namespace (unshare -rn)", &mut probe) {
+            return;
+        }
+        let test = std::env::current_exe().unwrap();
+        let script = format!(
+            "ip link set lo up && exec '{}' a_group_without_a_route_is_found --nocapture",
+            test.display()
+        );
+        let output = Command::new("unshare")
+            .args(["-rn", "sh", "-c", &script])
+            .env(INSIDE, "1")
+            .output()
+            .unwrap();
+        let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+        let faults = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            output.status.success() && printed.contains("1 passed"),
+            "{printed}{faults}"
+        );
+        return;
+    }
+    let place = Place::new("multicast = \"225.200.77.4:51774\"", "");
+    let found = place.findings(&["port"]);
+    assert!(
+        found.len() == 1
+            && found[0]
+                .1
+                .contains("dli.multicast = \"225.200.77.4:51774\""),
+        "{found:#?}"
+    );
+}
+
 #[test]
 fn another_process_on_the_store_is_named() {
     let place = Place::new("", "");

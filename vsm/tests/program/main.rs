@@ -1,6 +1,7 @@
 //! The program `vsm` itself: its configuration, how it is begun, its demos, its reload, and whole flights between real
 //! sockets, over a serial line and from a disk that is full or read-only.
 
+mod as_root;
 mod audit_command;
 mod bad_sockets;
 mod broken_tasks;

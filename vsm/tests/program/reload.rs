@@ -4,8 +4,9 @@
 use std::fs;
 use std::io::{Read as _, Write as _};
 use std::net::{TcpStream, UdpSocket};
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -295,55 +296,122 @@ fn ground_stations_beside_the_bridge_come_and_go_and_no_key_is_used_twice() {
     assert!(stream.read(&mut bytes).expect("frames of the vehicle") > 0);
 }
 
-/// The bridge's heartbeats at an unsigned vehicle that this test is, and a folder of elevation files.
+/// A pipe would keep its reader waiting until somebody writes to it.
 #[test]
-fn the_bridge_serves_on_while_a_reload_waits_for_a_slow_disk() {
-    let folder = TempDir::new().expect("a folder");
-    let vehicle = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    let timeout = Duration::from_millis(2_500);
-    vehicle.set_read_timeout(Some(timeout)).expect("set");
-    let text = |more: &str| {
-        format!(
-            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:{}\"\n[[vehicle]]\nid = \"1b:00:01:01\"\n\
-             link = \"udpout:{}\"\nsystem_id = 1\nsigning = \"off\"\n{more}[store]\ndir = \"state\"\n",
-            free_udp_port(),
-            vehicle.local_addr().expect("bound")
-        )
-    };
-    let config = folder.path().join("vsm.toml");
-    fs::write(&config, text("")).expect("written");
-    let arguments = |command: &'static str| {
-        let mut vsm = Command::new(program("vsm"));
-        vsm.arg(command).arg("--config").arg(&config);
-        vsm
-    };
-    let mut bridge = Running::spawn(&mut arguments("run"));
-    bridge.wait_for("ready", Duration::from_secs(60));
-
-    // Reading it takes until somebody writes to it.
-    let terrain = folder.path().join("tiles");
-    fs::create_dir(&terrain).expect("made");
-    let file = terrain.join("N47E008.hgt");
-    let made = Command::new("mkfifo").arg(&file).status();
+fn a_pipe_in_the_place_of_an_elevation_file_is_refused_at_once() {
+    let world = World::new();
+    let tiles = world.folder.path().join("tiles");
+    fs::create_dir(&tiles).expect("made");
+    let made = Command::new("mkfifo")
+        .arg(tiles.join("N47E008.hgt"))
+        .status();
     assert!(made.is_ok_and(|status| status.success()));
-    fs::write(&config, text("terrain = \"tiles\"\n")).expect("written");
-    let reload = |vsm: &mut Command| vsm.stderr(Stdio::piped()).spawn().expect("it runs");
-    let first = reload(&mut arguments("reload"));
+    let good = text(world.ports, 1);
+    world.write(&good.replace("system_id = 1\n", "system_id = 1\nterrain = \"tiles\"\n"));
+    let began = Instant::now();
+    let (report, code) = world.reload();
+    let why = report["refused"].as_str().expect("refused");
+    assert!(
+        why.contains("N47E008.hgt") && why.contains("expected a file"),
+        "{why}"
+    );
+    assert_eq!(code, Some(2));
+    assert!(began.elapsed() < Duration::from_secs(20));
+}
 
-    let mut bytes = [0; 512];
-    let mut before = Instant::now();
-    for _ in 0..4 {
-        vehicle.recv(&mut bytes).expect("heartbeats go on");
-        let gap = before.elapsed();
-        before = Instant::now();
-        assert!(gap < Duration::from_secs(2), "no heartbeat for {gap:?}");
-    }
-    let asked = arguments("status").arg("--json").output();
-    assert!(asked.expect("it runs").status.success());
+#[test]
+fn a_revoked_guard_key_ends_though_the_file_is_refused_and_the_refusal_stays_in_the_status() {
+    let world = World::new();
+    let key_file = world.folder.path().join("a0.key");
+    write_key(&key_file, &[9; 32]);
+    let guarded = text(world.ports, 1).replace(
+        "loi = [2, 3, 4, 5]\n",
+        "loi = [2, 3, 4, 5]\nguard = { key_file = \"a0.key\" }\n",
+    );
+    world.write(&guarded);
+    assert_eq!(world.reload().1, Some(0));
+    let in_force = || {
+        let status = world.status();
+        let key = status["stations"][0]["guard"]["key_id"].as_str();
+        key.map(str::to_owned).expect("a guard key")
+    };
+    let is_found = |status: &Value| {
+        let found = status["findings"].as_array().expect("a list");
+        found.iter().any(|one| one["code"] == "reload")
+    };
+    let before = in_force();
 
-    fs::write(&file, "no elevations").expect("written");
-    let report = first.wait_with_output().expect("it ends");
-    let text = String::from_utf8_lossy(&report.stderr);
-    assert!(text.contains("N47E008.hgt"), "{text}");
-    assert_eq!(report.status.code(), Some(2));
+    // The key is revoked, and the file has a mistake somewhere else.
+    let mut revoke = Command::new(program("vsm"));
+    let revoked = revoke.args(["guard", "revoke"]).arg(&key_file).output();
+    assert!(revoked.is_ok_and(|done| done.status.success()));
+    world.write(&guarded.replace("loi = [2, 3, 4, 5]", "loi = [9]"));
+    let (report, code) = world.reload();
+    assert_eq!(code, Some(2));
+    assert!(report["refused"].is_string(), "{report}");
+    let applied = report["applied"][0].as_str().unwrap_or_default();
+    let begins = format!("cucs 1b:00:00:a0 guard key {before} -> ");
+    assert!(applied.starts_with(&begins), "{report}");
+    let after = in_force();
+    assert_ne!(after, before);
+    world.until("the refusal is found", is_found);
+
+    // A key file that the bridge may not use: the key before it stays, and both ends say so.
+    fs::set_permissions(&key_file, fs::Permissions::from_mode(0o644)).expect("set");
+    let (report, _) = world.reload();
+    let kept = report["kept"][0].as_str().unwrap_or_default();
+    assert!(
+        kept.contains(&format!("guard key {after} stays in force")) && kept.contains("chmod 600"),
+        "{report}"
+    );
+    assert_eq!(in_force(), after);
+    let printed = |words: &[&str]| {
+        let mut vsm = Command::new(program("vsm"));
+        let output = vsm.args(words).arg(world.config()).output();
+        let output = output.expect("it runs");
+        let both = [output.stdout, output.stderr].concat();
+        String::from_utf8_lossy(&both).into_owned()
+    };
+    let text = printed(&["reload"]);
+    assert!(
+        text.contains("NOT APPLIED: cucs 1b:00:00:a0 guard key"),
+        "{text}"
+    );
+    world.until("the key is found", |status| {
+        status["findings"].to_string().contains("stays in force")
+    });
+    let text = printed(&["status"]);
+    assert!(
+        text.contains("FINDING: the last reload was refused") && text.contains("stays in force"),
+        "{text}"
+    );
+
+    fs::set_permissions(&key_file, fs::Permissions::from_mode(0o600)).expect("set");
+    world.write(&guarded);
+    assert_eq!(world.reload().1, Some(0));
+    world.until("the refusal is over", |status| !is_found(status));
+}
+
+/// The old key must not stay in force unseen where nobody reloads.
+#[test]
+fn a_guard_key_that_was_revoked_and_not_reloaded_is_a_finding() {
+    let mut world = World::new();
+    let key_file = world.folder.path().join("a0.key");
+    write_key(&key_file, &[9; 32]);
+    world.write(&text(world.ports, 1).replace(
+        "loi = [2, 3, 4, 5]\n",
+        "loi = [2, 3, 4, 5]\nguard = { key_file = \"a0.key\" }\n",
+    ));
+    assert_eq!(world.reload().1, Some(0));
+    let mut revoke = Command::new(program("vsm"));
+    let revoked = revoke.args(["guard", "revoke"]).arg(&key_file).output();
+    assert!(revoked.is_ok_and(|done| done.status.success()));
+    world
+        .bridge
+        .wait_for("which is not in force here", Duration::from_secs(40));
+    assert_eq!(world.reload().1, Some(0));
+    world.bridge.wait_for(
+        "cleared: CUCS 1b:00:00:a0: its key file",
+        Duration::from_secs(40),
+    );
 }

@@ -317,6 +317,22 @@ pub struct AccessStatus {
     pub refused: Option<String>,
 }
 
+/// Whether a start would have a list: `Some` where it would have that of the store, and why not that of the file.
+///
+/// # Errors
+/// It would have none.
+pub(crate) fn examine(
+    key: &SigningKey,
+    vsm: Id,
+    file: Result<Vec<u8>, String>,
+    now: Now,
+    not_before: Duration,
+    disk: &mut dyn Disk,
+) -> Result<Option<String>, AccessError> {
+    let access = Access::start(key, vsm, file, now, not_before, disk)?;
+    Ok(access.refused)
+}
+
 fn prepare(
     file: &[u8],
     key: &AccessKey,

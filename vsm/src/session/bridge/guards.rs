@@ -6,6 +6,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use mavlink_link::Now;
+use mavlink_link::signing::KeyId;
 use mavlink_link::store::{Disk, StoreError};
 use stanag_msgs::Id;
 use stanag_msgs::guard::{ClockDatagram, Direction, ExchangeDatagram, Guarded, MAX_GUARDED};
@@ -106,6 +107,14 @@ impl Bridge {
         let guarded = guarded.filter(|(_, one)| one.config.guard.is_some() && !one.removed);
         let key = |index| self.guard_status(index, Duration::ZERO)?.key_id;
         guarded.map(|(index, one)| (one.id(), key(index))).collect()
+    }
+
+    /// Whether a CUCS with a guard may use this key, so that it is in force, or the one before it. False where it has no guard.
+    #[must_use]
+    pub fn has_guard_key(&self, cucs: Id, key: KeyId) -> bool {
+        let station = self.listed(cucs).and_then(|index| self.stations.get(index));
+        let guard = station.and_then(|one| one.guard.as_ref());
+        guard.is_some_and(|guard| guard.has(key))
     }
 
     /// Looks for a trailer, and verifies it.

@@ -147,6 +147,10 @@ struct Checks {
     /// Evidence of unusable data on the DLI side.
     evidence: DliEvidence,
     key_files: KeyFiles,
+    /// What is wrong with the disk of the store.
+    disk: Option<Finding>,
+    /// The last reload was refused.
+    reload: Option<Finding>,
     /// When the next check is due.
     look_at: Duration,
     /// The findings of the last check.

@@ -11,6 +11,7 @@ use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use super::Bridge;
 use crate::session::aircraft::Aircraft;
 use crate::session::alerts::{Cause, Raised};
+use crate::session::findings::host::{KeyFault, StoreFact};
 use crate::session::findings::{self, Code, Finding, dli, vehicle};
 
 impl Bridge {
@@ -25,9 +26,19 @@ impl Bridge {
     }
 
     /// The shell has looked at the key files, beside which the bridge has its keys in memory: those that the next start could
-    /// not use, whose and why.
-    pub fn note_key_files(&mut self, faults: Vec<(String, String)>) {
+    /// not use, and those that hold another key than the one in force.
+    pub fn note_key_files(&mut self, faults: Vec<KeyFault>) {
         self.checks.key_files.note(faults);
+    }
+
+    /// The shell has looked at the room on the disk of the store, and what it has found wrong.
+    pub fn note_disk(&mut self, fault: Option<&str>) {
+        self.checks.disk = fault.map(|why| StoreFact::Unusable(why.to_owned()).finding());
+    }
+
+    /// The configuration was to be applied: why it was not, or `None` where it is in force.
+    pub fn note_reload(&mut self, refused: Option<&str>) {
+        self.checks.reload = refused.map(findings::reload);
     }
 
     /// Findings that concern no single vehicle.
@@ -41,6 +52,8 @@ impl Bridge {
             .evidence
             .judge(mono, self.setup.group, &mut found);
         found.extend_from_slice(self.checks.key_files.standing());
+        found.extend(self.checks.disk.clone());
+        found.extend(self.checks.reload.clone());
         found.extend(self.access_findings());
         let listed = self.stations.iter().enumerate();
         for (index, station) in listed.filter(|(_, one)| !one.removed) {
@@ -68,6 +81,10 @@ impl Bridge {
     /// The present findings.
     pub(super) fn findings(&self, mono: Duration) -> Vec<Finding> {
         let mut found = self.checks.found.clone();
+        // Not an alert: a paused bridge sends none, and a lease that is late by a moment is no news later.
+        if self.outbox.is_paused() {
+            found.push(findings::lease());
+        }
         let fallen = |one: &&Aircraft| one.vehicle.was_live() && !one.vehicle.live();
         for one in self.aircraft.iter().filter(fallen) {
             let about = one.id().to_string();

@@ -16,6 +16,7 @@ pub(crate) mod vehicle;
 
 use std::fmt;
 
+use mavlink_link::store::StoreError;
 use serde::{Deserialize, Serialize};
 
 use super::dates::day;
@@ -87,8 +88,26 @@ pub enum Code {
     Interface,
     /// The file of the access list is not in force, or a CUCS has another guard key than its entries.
     AccessList,
-    /// A key file cannot be used. The last one: a test counts up to it.
+    /// The last reload of the configuration was refused.
+    Reload,
+    /// The lease of this node of a fleet has ended.
+    Lease,
+    /// etcd, which the nodes of a fleet share, does not answer.
+    Etcd,
+    /// The store was zeroized, and serves nothing until a person clears it.
+    Zeroized,
+    /// A file or folder of the configuration other than a key file cannot be used.
+    File,
+    /// `vsm run` would not start, for a reason that has no code of its own.
+    Start,
+    /// A key file cannot be used, or holds another key than the one in force. The last one: a test counts up to it.
     KeyFile,
+}
+
+impl fmt::Display for Code {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
 }
 
 /// One fault that was found.
@@ -136,6 +155,36 @@ fn key_of(begin: u32, text: &str) -> u32 {
     text.bytes().fold(begin, mixed)
 }
 
+/// A configuration that was to be applied, and is not: why.
+pub(crate) fn reload(why: &str) -> Finding {
+    Finding::new(
+        Code::Reload,
+        "reload",
+        format!("the last reload was refused, and what was in force before is in force: {why}"),
+        "mend that, then run vsm reload again",
+    )
+}
+
+/// The bridge is paused, since its node may no longer serve.
+pub(crate) fn lease() -> Finding {
+    Finding::new(
+        Code::Lease,
+        "lease",
+        "the lease of this node has ended, and etcd has not renewed it: it answers no station and commands no vehicle",
+        "see that this node reaches etcd, and which node serves (vsm fleet list)",
+    )
+}
+
+/// A record of the store that cannot be made durable: which, and why.
+pub(crate) fn failing(cause: &StoreError) -> Finding {
+    Finding::new(
+        Code::Store,
+        "store",
+        format!("the store cannot be written: {cause}"),
+        "free space on its disk, or mend it; what is not stored is refused, and vehicles fly on",
+    )
+}
+
 /// What of this computer's clock shows that it is wrong. `before` is a date that it cannot be before; `far_ahead`: it is over
 /// a year ahead of a signing clock.
 pub(crate) fn clock(wall_s: u64, before_s: u64, far_ahead: bool) -> Option<Finding> {
@@ -169,6 +218,12 @@ mod tests {
         let ahead = clock(4_000_000_000, 1_767_225_600, true).expect("2096");
         assert!(ahead.cause.contains("over a year ahead"), "{ahead}");
         assert_eq!(clock(1_795_219_200, 1_767_225_600, false), None);
+    }
+
+    #[test]
+    fn a_code_is_shown_as_the_page_lists_it() {
+        assert_eq!(Code::KeyFile.to_string(), "key-file");
+        assert_eq!(Code::MavlinkTwoSenders.to_string(), "mavlink-two-senders");
     }
 
     #[test]

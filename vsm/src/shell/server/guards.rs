@@ -1,6 +1,5 @@
 //! The guard keys of the CUCSs, and the access list: read at the start, and when the configuration is read again.
 
-use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
 
@@ -9,9 +8,9 @@ use mavlink_link::signing::{KeyId, SigningKey};
 use stanag_msgs::Id;
 
 use super::StartError;
-use crate::config::{Access, Config};
+use crate::config::{Access, Config, open_file};
 use crate::session::{GuardKeyUntil, MAX_LIST_BYTES};
-use crate::shell::{guard_file, key_file};
+use crate::shell::{guard_file, key_file, ownership};
 
 /// The keys of each CUCS with a guard. None may be the key of another CUCS, or one of `others`.
 pub(super) fn keys(
@@ -19,29 +18,48 @@ pub(super) fn keys(
     others: impl Iterator<Item = (String, KeyId)>,
     now: Now,
 ) -> Result<Vec<(Id, Vec<GuardKeyUntil>)>, StartError> {
+    let all = each(config, others, now).into_iter();
+    all.map(|(id, keys)| Ok((id, keys?))).collect()
+}
+
+/// The same of each by itself, whatever is wrong with another.
+pub(super) fn each(
+    config: &Config,
+    others: impl Iterator<Item = (String, KeyId)>,
+    now: Now,
+) -> Vec<(Id, Result<Vec<GuardKeyUntil>, StartError>)> {
     let mut known: Vec<(String, KeyId)> = others.collect();
-    let mut all = vec![];
-    for station in config.stations() {
-        let Some(guard) = &station.guard else {
-            continue;
-        };
-        let keys = guard_file::read(&guard.key_file, now)?;
-        for (key, _) in &keys {
-            let id = key.id();
-            // Someone with it could send in the name of both.
-            if let Some((other, _)) = known.iter().find(|(_, known)| *known == id) {
-                return Err(StartError::GuardKey {
-                    station: station.id,
-                    other: other.clone(),
-                    key: id,
-                });
-            }
+    let guarded = config
+        .stations()
+        .filter_map(|one| Some((one.id, one.guard.as_ref()?)));
+    let each = guarded.map(|(station, guard)| {
+        let keys = own_keys(station, &guard.key_file, &known, now);
+        let name = format!("CUCS {station}");
+        let held = keys.iter().flatten().map(|(key, _)| key.id());
+        known.extend(held.map(|key| (name.clone(), key)));
+        (station, keys)
+    });
+    each.collect()
+}
+
+fn own_keys(
+    station: Id,
+    file: &Path,
+    known: &[(String, KeyId)],
+    now: Now,
+) -> Result<Vec<GuardKeyUntil>, StartError> {
+    let keys = guard_file::read(file, now)?;
+    for id in keys.iter().map(|(key, _)| key.id()) {
+        // Someone with it could send in the name of both.
+        if let Some((other, _)) = known.iter().find(|(_, known)| *known == id) {
+            return Err(StartError::GuardKey {
+                station,
+                other: other.clone(),
+                key: id,
+            });
         }
-        let name = format!("CUCS {}", station.id);
-        known.extend(keys.iter().map(|(key, _)| (name.clone(), key.id())));
-        all.push((station.id, keys));
     }
-    Ok(all)
+    Ok(keys)
 }
 
 /// The owner of each key.
@@ -71,7 +89,9 @@ pub(super) fn access_key(
 pub(super) fn access_list(path: &Path) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     // One byte more, to detect a file longer than any list.
-    let read = File::open(path).and_then(|file| {
+    let opened = open_file(path).map_err(|cause| ownership::explain(path, cause));
+    let read = opened.and_then(|file| {
+        ownership::check_readable(&file.metadata()?, path)?;
         let most = MAX_LIST_BYTES as u64 + 1;
         file.take(most).read_to_end(&mut bytes)
     });

@@ -2,6 +2,7 @@
 //! synchronises the disk, and a third agrees on keys with the guards of CUCSs (`guard_thread`; `pairing` is the socket for
 //! such requests).
 
+pub mod checks;
 mod encryption;
 mod error;
 mod files;
@@ -41,7 +42,7 @@ use self::guard_thread::Done;
 use self::shared::Shared;
 use self::tasks::{
     keep_time, receive_dli, receive_forward, receive_vehicle, send, send_settings, send_status,
-    take_stored, watch_group, watch_key_files,
+    take_stored, watch_files, watch_group,
 };
 use super::disk::FileDisk;
 use super::sockets::{DliSockets, Resolver, VehicleReader};
@@ -210,7 +211,7 @@ impl Server {
         let of_all = shared.clone();
         tasks.spawn(&local, "disk", |beat| take_stored(of_all, beat));
         let of_all = shared.clone();
-        tasks.spawn(&local, "key files", |beat| watch_key_files(of_all, beat));
+        tasks.spawn(&local, "files", |beat| watch_files(of_all, beat));
         let of_all = shared.clone();
         tasks.spawn(&local, "status socket", |beat| {
             send_status(of_all, beat, status)

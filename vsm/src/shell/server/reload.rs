@@ -2,7 +2,8 @@
 //!
 //! The whole configuration is checked first, and everything that a new vehicle needs is opened. If that fails, the bridge
 //! stays unchanged. Changes that need a restart are listed ([`Config::changes`]). Links of vehicles that stay are not
-//! touched.
+//! touched. Guard keys are the exception: they are no part of the file, and those that were rotated or revoked come into
+//! force also where the file is refused ([`renew_guard_keys`]).
 //!
 //! Files and host names are read on a separate thread ([`read`]): a folder of elevation files takes seconds, a name server
 //! that does not answer half a minute, and after one second a vehicle in flight misses heartbeats and set points. The same
@@ -17,6 +18,7 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::clock::Ceiling;
+use mavlink_link::service::text::one_line;
 use mavlink_link::signing::{KeyId, SigningKey};
 use mavlink_link::store::Record as _;
 use stanag_msgs::Id;
@@ -85,10 +87,16 @@ pub(super) async fn serve(
                 continue;
             }
         };
-        let report = match beat.during(reading.run(&shared, &path, resolver)).await {
+        let mut report = match beat.during(reading.run(&shared, &path, resolver)).await {
             Ok(new) => reload(&shared, &later, new),
             Err(why) => Report::refused(why),
         };
+        if report.refused.is_some() {
+            beat.during(renew_guard_keys(&shared, resolver, &mut report))
+                .await;
+        }
+        let refused = refusal(&path, &report);
+        shared.with(|core, _| core.bridge.note_reload(refused.as_deref()));
         log(&path, &report);
         if let Some(stream) = stream {
             status_socket::answer(stream, &report, ANSWER_WITHIN).await;
@@ -96,10 +104,25 @@ pub(super) async fn serve(
     }
 }
 
+/// What the status shows of a reload that was refused, until one is not.
+fn refusal(path: &Path, report: &Report) -> Option<String> {
+    let why = report.refused.as_ref()?;
+    let kept: String = report.kept.iter().map(|one| format!("; {one}")).collect();
+    let text = format!("{}: {why}{kept}", path.display());
+    Some(one_line(&text).into_owned())
+}
+
 fn log(path: &Path, report: &Report) {
     let path = path.display();
     if let Some(why) = &report.refused {
-        return tracing::error!("{path} is refused, nothing has changed: {why}");
+        tracing::error!("{path} is refused, nothing has changed: {why}");
+        for change in &report.applied {
+            tracing::warn!("{path} is refused, and applied is: {change}");
+        }
+        for kept in &report.kept {
+            tracing::error!("{kept}");
+        }
+        return;
     }
     match report.applied.join("; ") {
         none if none.is_empty() => tracing::info!("{path} is read again: nothing to apply"),
@@ -159,25 +182,7 @@ impl Reading {
             );
         }
         let (sender, receiver) = oneshot::channel();
-        let mut open = {
-            let core = shared.core.borrow();
-            let ports = core.ports.iter().flatten();
-            let keys = core.bridge.vehicles().zip(&core.key_stores);
-            let view = |(id, keys): (Id, &Option<OrderedKeys>)| {
-                let OrderedKeys { keys, files, .. } = keys.as_ref()?;
-                Some((id, keys.view(Box::new(files.clone()))))
-            };
-            Open {
-                config: core.config.clone(),
-                ports: ports.map(|one| one.link.clone()).collect(),
-                forwards: core.forwards.iter().map(|one| one.link.clone()).collect(),
-                keys: keys.filter_map(view).collect(),
-                store: core.store.files().shared(),
-                stored: shared.stored.clone(),
-                now: shared.clock.now(),
-                resolver,
-            }
-        };
+        let mut open = Open::of(shared, resolver);
         let path = path.to_owned();
         // Not the runtime's own thread pool: the end of the program would wait for it.
         thread::Builder::new()
@@ -209,6 +214,94 @@ struct Open {
     stored: Arc<Notify>,
     now: Now,
     resolver: Resolver,
+}
+
+impl Open {
+    fn of(shared: &Shared, resolver: Resolver) -> Open {
+        let core = shared.core.borrow();
+        let ports = core.ports.iter().flatten();
+        let keys = core.bridge.vehicles().zip(&core.key_stores);
+        let view = |(id, keys): (Id, &Option<OrderedKeys>)| {
+            let OrderedKeys { keys, files, .. } = keys.as_ref()?;
+            Some((id, keys.view(Box::new(files.clone()))))
+        };
+        Open {
+            config: core.config.clone(),
+            ports: ports.map(|one| one.link.clone()).collect(),
+            forwards: core.forwards.iter().map(|one| one.link.clone()).collect(),
+            keys: keys.filter_map(view).collect(),
+            store: core.store.files().shared(),
+            stored: shared.stored.clone(),
+            now: shared.clock.now(),
+            resolver,
+        }
+    }
+}
+
+/// Puts the guard keys of the running configuration in force as their files have them now, though the new configuration is
+/// refused: a key that was revoked must not stay in force because of a mistake elsewhere in that file.
+async fn renew_guard_keys(shared: &Shared, resolver: Resolver, report: &mut Report) {
+    let open = Open::of(shared, resolver);
+    if open.config.stations().all(|one| one.guard.is_none()) {
+        return;
+    }
+    let (sender, receiver) = oneshot::channel();
+    let spawned = thread::Builder::new()
+        .name("guard files".to_owned())
+        .spawn(move || drop(sender.send(read_guard_keys(&open))));
+    let read = match spawned {
+        Ok(_) => timeout(READ_KEYS_WITHIN, receiver)
+            .await
+            .ok()
+            .and_then(Result::ok),
+        Err(_) => None,
+    };
+    shared.with(|core, now| {
+        let before = core.bridge.guard_key_ids();
+        let Some(read) = read else {
+            let why = "its file is not read in time";
+            let each = before.iter().map(|(id, _)| kept(&before, *id, why));
+            return report.kept.extend(each);
+        };
+        let mut good = vec![];
+        for (id, keys) in read {
+            match keys {
+                Ok(keys) => good.push((id, keys)),
+                Err(why) => report.kept.push(kept(&before, id, &why)),
+            }
+        }
+        let Core { bridge, store, .. } = core;
+        if let Err(fault) = bridge.set_guard_keys(good, now, NOT_BEFORE, store) {
+            tracing::error!("a CUCS has no guard key: {fault}");
+        }
+        report_guard_keys(&before, &bridge.guard_key_ids(), report);
+        // A pairing that was ended must not lead to another key.
+        let paths = guard_thread::paths(&core.config);
+        core.guard_thread.give(Work::Files(paths));
+    });
+}
+
+/// The guard keys of the running configuration, each by itself. Blocks.
+fn read_guard_keys(open: &Open) -> Vec<(Id, Result<Vec<GuardKeyUntil>, String>)> {
+    let mut known = vec![];
+    for (id, keys) in &open.keys {
+        // What is wrong with a vehicle's key says nothing about those of guards.
+        let _ = check_own(*id, Some(keys), &mut known);
+    }
+    let forward_keys = forward::keys(&open.config, &known).unwrap_or_default();
+    let others = forward::owners(&open.config, &known, &forward_keys);
+    let each = guards::each(&open.config, others, open.now).into_iter();
+    each.map(|(id, keys)| (id, keys.map_err(|fault| fault.to_string())))
+        .collect()
+}
+
+/// That the key of a guard stays in force.
+fn kept(before: &[(Id, Option<String>)], id: Id, why: &str) -> String {
+    let before = before.iter().find(|(known, _)| *known == id);
+    match before.and_then(|(_, key)| key.as_ref()) {
+        Some(key) => format!("cucs {id} guard key {key} stays in force: {why}"),
+        None => format!("cucs {id} has no guard key: {why}"),
+    }
 }
 
 /// Reads everything that may be slow. Blocks.
@@ -276,7 +369,7 @@ fn read_vehicle(
     known: &mut Vec<(Id, KeyId)>,
     open: &mut Open,
 ) -> Result<Files, StartError> {
-    let (key, keys) = open_keys(vehicle, known, &mut open.store)?;
+    let (key, keys) = open_keys(vehicle, known, &mut open.store, &KeyStore::open)?;
     let start = |keys| OrderedKeys::start(keys, &open.store, open.stored.clone());
     let keys = keys.map(start).transpose().map_err(StartError::Writer)?;
     if let Some(keys) = &keys {
@@ -651,10 +744,30 @@ const PAUSE: Duration = Duration::from_millis(500);
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 /// Forty tiles from a slow disk, or several name servers in turn; `vsm reload` waits a little longer.
 const READ_WITHIN: Duration = Duration::from_secs(100);
+/// A few small files, when the rest has failed.
+const READ_KEYS_WITHIN: Duration = Duration::from_secs(10);
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_refusal_is_one_line_with_the_keys_that_stay_in_force() {
+        let path = Path::new("vsm.toml");
+        let mut report = Report::default();
+        assert_eq!(refusal(path, &report), None);
+        let before = [(Id(1), Some("a".to_owned())), (Id(2), None)];
+        report.refused = Some("line 7:\nno value".to_owned());
+        report.kept = vec![kept(&before, Id(1), "no file"), kept(&before, Id(2), "why")];
+        let text = refusal(path, &report).unwrap();
+        let [first, second] = [Id(1), Id(2)];
+        assert_eq!(
+            text,
+            format!(
+                "vsm.toml: line 7: no value; cucs {first} guard key a stays in force: no file; cucs {second} has no guard key: why"
+            )
+        );
+    }
 
     #[test]
     fn a_guard_key_that_is_another_or_none_is_reported() {

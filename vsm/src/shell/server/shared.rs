@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use mavlink_link::Now;
 use mavlink_link::service::text::one_line;
+use mavlink_link::store::Disk as _;
 use tokio::sync::{Notify, watch};
 
 use super::forward::OpenForward;
@@ -14,6 +15,7 @@ use super::gathering::Gathering;
 use super::guard_thread::GuardThread;
 use crate::config::{Config, LinkAddress};
 use crate::key_exchange::{KeyExchange, Surroundings};
+use crate::session::findings::{self, Code, Finding};
 use crate::session::web::WebRefusal;
 use crate::session::{Bridge, KeyChange, LogEntry, LogLevel, Peer, Status, VehicleMap};
 use crate::shell::clock::{Clock, NOT_BEFORE};
@@ -306,6 +308,13 @@ impl Shared {
         }
         if core.lease_has_ended() {
             status.warnings.push(NO_LEASE.to_owned());
+        }
+        // A full disk has been found already, and each vehicle has an alert of its own.
+        let known = |one: &Finding| one.code == Code::Store;
+        if let Some(cause) = core.store.failing()
+            && !status.findings.iter().any(known)
+        {
+            status.findings.push(findings::failing(&cause));
         }
         status.logged = self.events.borrow().lately(self.clock.now().wall);
         status

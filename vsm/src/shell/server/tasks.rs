@@ -17,12 +17,14 @@ use tokio::io::Interest;
 use tokio::net::{UdpSocket, UnixListener};
 use tokio::sync::{Notify, oneshot};
 
+use super::checks::{self, Keys};
 use super::inbox::Inbox;
 use super::shared::{Core, Shared, write_log};
+use crate::session::findings::host::KeyFault;
 use crate::session::{Datagram, Destination, OutFrame, Peer, WebWay};
+use crate::shell::disk;
 use crate::shell::interfaces::listen_elsewhere;
 use crate::shell::recording::Recording;
-use crate::shell::self_check;
 use crate::shell::sockets::{VehicleReader, VehicleWriter};
 use crate::shell::status_socket;
 use crate::shell::tasks::Beat;
@@ -555,24 +557,50 @@ pub(super) async fn watch_group(shared: Rc<Shared>, beat: Rc<Beat>, group: Group
     }
 }
 
-/// Looks now and then whether the next start could read the key files: the bridge has the keys in memory, and works without.
-pub(super) async fn watch_key_files(shared: Rc<Shared>, beat: Rc<Beat>) {
+/// Looks now and then whether the next start could read the key files: the bridge has the keys in memory, and works without;
+/// whether they hold the keys that are in force; and at the room on the disk.
+pub(super) async fn watch_files(shared: Rc<Shared>, beat: Rc<Beat>) {
     loop {
-        beat.during(tokio::time::sleep(KEY_FILES_EVERY)).await;
-        let files = self_check::key_files(&shared.core.borrow().config);
+        beat.during(tokio::time::sleep(FILES_EVERY)).await;
+        let (files, store) = {
+            let core = shared.core.borrow();
+            let files = checks::named_files(&core.config, None);
+            (files, core.config.store.dir.clone())
+        };
+        let now = shared.clock.now();
         let (sender, receiver) = oneshot::channel();
+        let look = move || {
+            let keys = checks::look_at_key_files(&files, now);
+            drop(sender.send((keys, disk::is_full(&store))));
+        };
         // A file server may not answer. Not the runtime's own thread for such work: the end of the program would wait for it.
-        let look = thread::Builder::new()
-            .name("key files".to_owned())
-            .spawn(move || drop(sender.send(self_check::unusable(files))));
+        let look = thread::Builder::new().name("files".to_owned()).spawn(look);
         if let Err(cause) = look {
-            tracing::debug!("no thread to look at the key files: {cause}");
+            tracing::debug!("no thread to look at the files: {cause}");
             continue;
         }
-        if let Ok(faults) = beat.during(receiver).await {
-            shared.with(|core, _| core.bridge.note_key_files(faults));
+        if let Ok((keys, full)) = beat.during(receiver).await {
+            shared.with(|core, _| note_files(core, keys, full));
         }
     }
+}
+
+fn note_files(core: &mut Core, keys: Keys, full: Option<String>) {
+    let Keys { mut faults, guards } = keys;
+    let bridge = &mut core.bridge;
+    let others = guards
+        .into_iter()
+        .filter(|(cucs, key, _)| !bridge.has_guard_key(*cucs, *key));
+    faults.extend(others.map(|(cucs, key, path)| KeyFault {
+        whose: format!("CUCS {cucs}"),
+        why: format!(
+            "its key file {} holds key {key}, which is not in force here: it was rotated or revoked since",
+            path.display()
+        ),
+        reload: true,
+    }));
+    bridge.note_key_files(faults);
+    bridge.note_disk(full.as_deref());
 }
 
 pub(super) async fn send_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
@@ -632,7 +660,7 @@ const FIRST_WATCH: Duration = Duration::from_secs(2);
 /// Shorter than evidence of the DLI side lasts, so that a finding stays active as long as its cause. Each check joins the
 /// group on other interfaces, which adds traffic to their networks, so it is rare.
 const WATCH_EVERY: Duration = Duration::from_secs(240);
-const KEY_FILES_EVERY: Duration = Duration::from_secs(10);
+const FILES_EVERY: Duration = Duration::from_secs(10);
 const STATUS_WITHIN: Duration = Duration::from_secs(1);
 /// How long the vehicles may take to answer about their settings: over a slow radio each takes a second or so.
 const SETTINGS_WITHIN: Duration = Duration::from_secs(120);

@@ -16,9 +16,9 @@ use crate::config::{Config, ExchangeMode, LinkAddress, Record, Signing, Vehicle}
 use crate::key_exchange::{KeyExchange, Surroundings};
 use crate::session::Bridge;
 use crate::shell::clock::NOT_BEFORE;
-use crate::shell::key_file::{self, system_random};
-use crate::shell::key_store::KeyStore;
-use crate::shell::recording::{Quota, Recording};
+use crate::shell::key_file::{self, KeyFileError, system_random};
+use crate::shell::key_store::{KeyStore, KeyStoreError};
+use crate::shell::recording::{self, Quota, Recording};
 use crate::shell::sockets::{self, Hosts, VehicleReader};
 
 /// Checks that no vehicle in `known` has one of this one's keys.
@@ -51,6 +51,17 @@ pub(super) fn record_vehicle(
     let name = format!("{:08x}", vehicle.id.0);
     let begun = Recording::begin(&record.dir, &name, now.wall, share(config, record));
     begun.map(Some).map_err(|cause| StartError::Recording {
+        folder: record.dir.clone(),
+        cause,
+    })
+}
+
+/// Whether recordings could be begun, where some are configured.
+pub(super) fn check_records(config: &Config) -> Result<(), StartError> {
+    let Some(record) = &config.record else {
+        return Ok(());
+    };
+    recording::check(&record.dir).map_err(|cause| StartError::Recording {
         folder: record.dir.clone(),
         cause,
     })
@@ -100,18 +111,34 @@ pub(super) fn open_exchange(
     Ok(None)
 }
 
+/// How the files of a vehicle's keys are opened.
+pub(super) type OpenKeys<'a> = &'a dyn Fn(&Path) -> Result<KeyStore, KeyStoreError>;
+
 /// The keys of a vehicle, which may be none of another vehicle in `known`.
 pub(super) fn open_keys(
     vehicle: &Vehicle,
     known: &mut Vec<(Id, KeyId)>,
     store: &mut dyn Disk,
+    open: OpenKeys<'_>,
 ) -> Result<(Option<SigningKey>, Option<KeyStore>), StartError> {
     let Signing::KeyFile(path, exchange) = &vehicle.signing else {
         return Ok((None, None));
     };
-    let (key, keys) = vehicle_keys(path, exchange.mode, store)?;
+    let keys = open(path)?;
+    let (key, keys) = vehicle_keys(path, keys, exchange.mode, store)?;
     check_own(vehicle.id, Some(&keys), known)?;
     Ok((Some(key), Some(keys)))
+}
+
+/// The ids of a vehicle's keys, by a look: nothing is locked or changed. None where a start makes the first one.
+pub(super) fn look_at_keys(path: &Path, mode: ExchangeMode) -> Result<Vec<KeyId>, StartError> {
+    let ids = KeyStore::look(path)?.ids()?;
+    let path = path.to_owned();
+    match mode {
+        ExchangeMode::On if ids.is_empty() => Err(StartError::NotPaired { path }),
+        ExchangeMode::Off if ids.is_empty() => Err(KeyFileError::Absent { path }.into()),
+        _ => Ok(ids),
+    }
 }
 
 /// The open link with this address.
@@ -143,12 +170,12 @@ pub(super) fn open_port(
 }
 
 /// The current key and its files. A first key that was sent, with unknown outcome, counts as the current one.
-pub(super) fn vehicle_keys(
+fn vehicle_keys(
     path: &Path,
+    keys: KeyStore,
     mode: ExchangeMode,
     store: &mut dyn Disk,
 ) -> Result<(SigningKey, KeyStore), StartError> {
-    let keys = KeyStore::open(path)?;
     if let Err(fault) = keys.bury(store) {
         tracing::warn!("the clock of a dead key cannot be deleted: {fault}");
     }
