@@ -221,8 +221,14 @@ fn chords(
     }
     let airframe = site.airframe();
     let climbs = site.hovers() && climbs(&densified.vertices);
-    let flown = plan_flight(&legs, &densified, &airframe, &[speed_m_s], site.curving.policy)
-        .map_err(not_flyable)?;
+    let flown = plan_flight(
+        &legs,
+        &densified,
+        &airframe,
+        &[speed_m_s],
+        site.curving.policy,
+    )
+    .map_err(not_flyable)?;
     let speed_at = |vertex: usize| {
         let change = flown.changes.iter().find(|change| change.vertex == vertex);
         change.map(|change| change.speed_mps)

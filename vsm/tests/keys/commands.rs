@@ -1,8 +1,8 @@
 //! The commands by themselves: what each leaves in the folder, and what it refuses.
 
 use std::fs;
-use std::os::unix::fs::PermissionsExt as _;
 use std::io::{PipeReader, PipeWriter, Write as _, pipe};
+use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
