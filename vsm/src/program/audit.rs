@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 use stanag_msgs::Id;
 
 use super::config_arg::ConfigArg;
-use super::process::{Failure, failed, load, print};
+use super::process::{Failure, bad, failed, load, print};
 use crate::config::Config;
 use crate::session::{AuditKind, examine_audit};
 use crate::shell::disk::ReadOnlyDisk;

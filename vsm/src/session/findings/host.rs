@@ -336,6 +336,7 @@ mod tests {
                 why: "key file uav.key: missing".to_owned(),
                 reload: false,
             }],
+            standby: None,
             etcd: Some("connection refused".to_owned()),
             start: [StartPart::AccessList, StartPart::File, StartPart::Other]
                 .map(|what| StartFault {
