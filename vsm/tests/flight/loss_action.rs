@@ -226,3 +226,28 @@ fn what_the_vehicle_does_already_is_not_announced_as_commanded() {
         rig.stations[1].alerts()
     );
 }
+
+#[test]
+fn a_station_is_not_silent_while_the_bridge_itself_stands_still() {
+    let mut rig = abandoned("[authority]\non_loss = \"rtl\"\n", vec![]);
+    rig.stations[0].heartbeats = true;
+    rig.run(2.0);
+    // Longer than all stages of a silence together. Its timers run before anything arrives.
+    rig.freeze_bridge(30.0);
+    rig.run(5.0);
+    for text in ["no data from the controlling CUCS", "is lost"] {
+        assert!(
+            !rig.stations[1].has_alert(text),
+            "{:?}",
+            rig.stations[1].alerts()
+        );
+    }
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    rig.done(orders::mode(Mode::AutolandEngage));
+    // One that falls silent meanwhile is lost later by as long.
+    rig.stations[0].heartbeats = false;
+    rig.freeze_bridge(30.0);
+    rig.run(2.0);
+    assert!(!rig.stations[1].has_alert("is lost"));
+    assert!(rig.until(15.0, has_alert_with("is lost")));
+}

@@ -237,6 +237,13 @@ impl Rig {
         self.synced_at = None;
     }
 
+    /// Lets the bridge stand still for this many seconds, as a stopped process does; what arrives meanwhile is lost.
+    pub fn freeze_bridge(&mut self, seconds: f64) {
+        let bridge = self.bridge.take();
+        self.run(seconds);
+        self.bridge = bridge;
+    }
+
     /// Starts the bridge.
     pub fn start_bridge(&mut self) {
         self.clock.restart_process();

@@ -151,6 +151,8 @@ struct Checks {
     disk: Option<Finding>,
     /// The last reload was refused.
     reload: Option<Finding>,
+    /// When the bridge last ran.
+    ran_at: Duration,
     /// When the next check is due.
     look_at: Duration,
     /// The findings of the last check.
@@ -267,6 +269,7 @@ impl Bridge {
             },
             checks: Checks {
                 not_before,
+                ran_at: now.mono,
                 look_at: now.mono,
                 ..Checks::default()
             },
@@ -594,6 +597,7 @@ impl Bridge {
         now: Now,
         disk: &'a mut dyn Disk,
     ) -> (DliEffects<'a>, &'a mut Fleet) {
+        self.note_time(now.mono);
         self.outbox.answer_after = Changes::NONE;
         let effects = DliEffects {
             mark: disk.queued(),

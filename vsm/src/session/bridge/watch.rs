@@ -13,8 +13,37 @@ use crate::session::aircraft::Aircraft;
 use crate::session::alerts::{Cause, Raised};
 use crate::session::findings::host::{KeyFault, StoreFact};
 use crate::session::findings::{self, Code, Finding, dli, vehicle};
+use crate::session::log::{LogEntry, LogLevel};
 
 impl Bridge {
+    /// Before anything is decided at this time. If the bridge was last here much longer ago than it waits at most, it did not run:
+    /// its process was stopped, the computer slept, or others had the processor. What the stations sent meanwhile is still in the
+    /// sockets, so none of them was silent for that time, as after a restart; and no address could be asked for a proof.
+    pub(super) fn note_time(&mut self, mono: Duration) {
+        let before = std::mem::replace(&mut self.checks.ran_at, mono);
+        let stopped = mono.saturating_sub(before);
+        if stopped < STOPPED {
+            return;
+        }
+        for received in self
+            .stations
+            .iter_mut()
+            .filter_map(|one| one.received.as_mut())
+        {
+            *received = (*received + stopped).min(mono);
+        }
+        self.paths.extend_proofs(stopped);
+        self.records.log.push_back(LogEntry {
+            level: LogLevel::Warning,
+            about: self.vsm,
+            text: format!(
+                "did not run for {:.1} s: a process that was stopped, or a computer that slept or had too much to do; no station counts \
+                 as silent for that time",
+                stopped.as_secs_f64()
+            ),
+        });
+    }
+
     /// The group's datagrams arrive from there on an interface that has not joined it.
     pub fn note_group_elsewhere(
         &mut self,
@@ -208,3 +237,5 @@ fn cleared(text: &str) -> String {
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// A station's clock matters only while it sends.
 const SPEAKS: Duration = Duration::from_secs(60);
+/// Twice as long as the bridge waits where nothing is due: a computer that is merely busy is not taken for one that stood still.
+const STOPPED: Duration = Duration::from_secs(2);
