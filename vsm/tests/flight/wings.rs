@@ -481,6 +481,37 @@ fn a_wing_on_its_final_approach_lands_when_its_controller_is_lost() {
     assert!(left && truth.landed, "{truth:?}");
 }
 
+/// Mode 19 again: not from the start of the pattern, and not with its speed.
+#[test]
+fn a_landing_that_is_commanded_again_continues() {
+    let mut rig = flies(Airframe::Plane, "");
+    rig.done(orders::mode(Mode::AutolandEngage));
+    // 3 DO_LAND_START, 4 the loiter before the glide, 5 the touch-down.
+    assert!(rig.until(100.0, |rig| rig.truth().mission_seq == 4));
+    let speed = Some(Scaled::saturating_from_si(16.0));
+    rig.done(VehicleOperatingModeCommand {
+        commanded_speed: speed,
+        ..VehicleOperatingModeCommand::default()
+    });
+    rig.done(orders::mode(Mode::AutolandEngage));
+    rig.run(0.6);
+    let states = rig
+        .station()
+        .last(vehicle_id(0), 3002, |message| match message {
+            Message::VehicleOperatingStates(states) => Some(states.clone()),
+            _ => None,
+        });
+    assert_eq!(states.expect("a 3002").commanded_speed, speed);
+    assert!(rig.until(400.0, |rig| rig.truth().mission_seq == 5));
+    assert!(rig.until(100.0, |rig| -rig.truth().position.d < 35.0));
+    rig.done(orders::mode(Mode::AutolandEngage));
+    rig.run(1.0);
+    let truth = rig.truth();
+    assert_eq!((truth.mission_seq, truth.mode), (5, Px4::Mission));
+    let down = rig.until(300.0, |rig| !rig.truth().armed);
+    assert!(down, "{:?} {:?}", rig.truth(), rig.station().alerts());
+}
+
 #[test]
 fn launch_and_landing_of_a_vtol_pass_to_another_by_override_only() {
     // Else it is forwarded to the holder, who has 20 s.

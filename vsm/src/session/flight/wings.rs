@@ -94,7 +94,8 @@ fn check_transition(wings: &Wings, at: &Situation<'_>) -> Result<(), String> {
     ))
 }
 
-/// Mode 19; `None` if the approach route is flown, which may have to be uploaded first.
+/// Mode 19; `None` if the approach route is flown, which may have to be uploaded first. No steps if its pattern is flown
+/// already.
 pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     let approach = has(RouteType::Approach, at);
     let here = || Ok(Some(plain(&[Px4Mode::LAND], at)));
@@ -103,6 +104,15 @@ pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     }
     if at.wings.is_none() {
         return if approach { Ok(None) } else { here() };
+    }
+    // Commanded again, for example because no answer came: begun anew, the pattern would turn a wing off its glide close to
+    // the ground, and a VTOL that already hovers towards its touch-down would land short of it.
+    if at.settled_mode() == Some(Px4Mode::MISSION)
+        && let Some(uploaded) = at.uploaded
+        && holds(at.telemetry, uploaded) == Some(true)
+        && uploaded.lands(at.telemetry)
+    {
+        return Ok(Some(Task::Steps(Vec::new(), at.commanded)));
     }
     if at.telemetry.hovers() {
         return here();
