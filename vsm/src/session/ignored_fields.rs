@@ -35,15 +35,18 @@ pub(crate) fn report(message_type: u16, names: &[&str], place: &str) -> Option<S
 }
 
 /// The fields of a 2016 that are commanded and of which nothing is made in this mode. `routed` where a route is flown,
-/// `winged` where wings are launched, which loiter then.
+/// `winged` where wings are launched, which loiter then; `climbs` where it leads to a commanded altitude.
 pub(crate) fn ignored_fields(
     command: &VehicleOperatingModeCommand,
     mode: Mode,
     routed: bool,
     winged: bool,
+    climbs: bool,
 ) -> Vec<&'static str> {
     use {AltitudeCommandType as A, HeadingCommandType as H};
     let steers = mode == Mode::Autopilot;
+    // The landing pattern of wings has speeds of its own, and begins at its start.
+    let routed = routed && !(winged && mode == Mode::AutolandEngage);
     let (altitude, heading) = (command.altitude_command_type, command.heading_command_type);
     let turns_to = |kinds: [H; 2]| steers && heading.is_some_and(|kind| kinds.contains(&kind));
     let message = Message::from(command.clone());
@@ -51,7 +54,9 @@ pub(crate) fn ignored_fields(
     each_set(&message, |one| {
         let applies = match one.name {
             "Commanded Altitude" => {
-                matches!(mode, Mode::Loiter | Mode::Autopilot | Mode::Launch)
+                // An aborted landing climbs only where the vehicle hovers.
+                (matches!(mode, Mode::Loiter | Mode::Autopilot | Mode::Launch)
+                    || mode == Mode::AutolandWaveOff && climbs)
                     && !matches!(altitude, Some(A::None | A::VerticalSpeed))
             }
             "Commanded Vertical Speed" => {
@@ -123,7 +128,7 @@ mod tests {
             ..VehicleOperatingModeCommand::default()
         };
         assert_eq!(
-            ignored_fields(&command, Mode::Loiter, false, false),
+            ignored_fields(&command, Mode::Loiter, false, false, false),
             [
                 "Commanded Altitude",
                 "Commanded Vertical Speed",
@@ -132,7 +137,7 @@ mod tests {
             ]
         );
         assert_eq!(
-            ignored_fields(&command, Mode::Waypoint, true, false),
+            ignored_fields(&command, Mode::Waypoint, true, false, false),
             ["Commanded Altitude", "Commanded Vertical Speed", "Thrust"]
         );
         let empty = VehicleOperatingModeCommand {
@@ -141,8 +146,30 @@ mod tests {
             ..VehicleOperatingModeCommand::default()
         };
         assert_eq!(
-            ignored_fields(&empty, Mode::ContingencyA, false, false),
+            ignored_fields(&empty, Mode::ContingencyA, false, false, false),
             [""; 0]
         );
+    }
+    #[test]
+    fn the_altitude_of_a_wave_off_is_ignored_only_where_it_is_not_flown() {
+        let command = VehicleOperatingModeCommand {
+            commanded_altitude: Some(Scaled::saturating_from_si(45.0)),
+            ..VehicleOperatingModeCommand::default()
+        };
+        let ignored =
+            |climbs| ignored_fields(&command, Mode::AutolandWaveOff, false, false, climbs);
+        assert_eq!(ignored(true), [""; 0]);
+        assert_eq!(ignored(false), ["Commanded Altitude"]);
+    }
+
+    #[test]
+    fn the_landing_pattern_of_wings_ignores_a_commanded_speed() {
+        let command = VehicleOperatingModeCommand {
+            commanded_speed: Some(Scaled::saturating_from_si(15.0)),
+            ..VehicleOperatingModeCommand::default()
+        };
+        let ignored = |winged| ignored_fields(&command, Mode::AutolandEngage, true, winged, false);
+        assert_eq!(ignored(true), ["Commanded Speed"]);
+        assert_eq!(ignored(false), [""; 0]);
     }
 }

@@ -464,6 +464,13 @@ fn a_wing_on_its_final_approach_lands_when_its_controller_is_lost() {
     // 2 the loiter at the end of the route, 3 DO_LAND_START, 4 the loiter before the glide, 5 the touch-down.
     assert!(rig.until(400.0, |rig| rig.truth().mission_seq == 5));
     assert!(rig.until(100.0, |rig| -rig.truth().position.d < 35.0));
+    // PX4 would acknowledge it and fly on at its own.
+    let faster = rig.carry_out(VehicleOperatingModeCommand {
+        commanded_speed: Some(Scaled::saturating_from_si(16.0)),
+        ..VehicleOperatingModeCommand::default()
+    });
+    assert_eq!(faster, Some(AckType::Refused));
+    assert!(rig.station().has_alert("on the final approach: PX4 flies"));
     // Another mission would put it on hold here.
     for command in [orders::load(), orders::transfer(MissionPlanMode::Clear)] {
         assert_eq!(rig.carry_out(command), Some(AckType::Refused));
@@ -493,6 +500,7 @@ fn a_landing_that_is_commanded_again_continues() {
         commanded_speed: speed,
         ..VehicleOperatingModeCommand::default()
     });
+    rig.run(1.5);
     rig.done(orders::mode(Mode::AutolandEngage));
     rig.run(0.6);
     let states = rig

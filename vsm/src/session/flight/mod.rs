@@ -574,7 +574,8 @@ impl Flight {
         // carried out.
         if let Some((origin, mode)) = origin.zip(situation::mode_of(command, telemetry)) {
             let routed = task.flies_a_route(telemetry.mode);
-            let names = ignored_fields::ignored_fields(command, mode, routed, winged);
+            let climbs = task.climbs();
+            let names = ignored_fields::ignored_fields(command, mode, routed, winged, climbs);
             let place = format!(" in mode {}", mode.in_words());
             let text = ignored_fields::report(origin.message_type, &names, &place);
             let hovers_instead = hovers_instead.map(str::to_owned);

@@ -50,6 +50,11 @@ impl Task {
             Task::Nothing | Task::Manual | Task::Steer(..) => false,
         }
     }
+
+    /// Whether its steps lead to a commanded altitude.
+    pub(crate) fn climbs(&self) -> bool {
+        matches!(self, Task::Steps(_, commanded) if commanded.altitude_amsl_m.is_some())
+    }
 }
 
 /// The input for deciding a 2016.

@@ -107,12 +107,21 @@ pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     }
     // Commanded again, for example because no answer came: begun anew, the pattern would turn a wing off its glide close to
     // the ground, and a VTOL that already hovers towards its touch-down would land short of it.
-    if at.settled_mode() == Some(Px4Mode::MISSION)
-        && let Some(uploaded) = at.uploaded
+    if let Some(uploaded) = at.uploaded
         && holds(at.telemetry, uploaded) == Some(true)
         && uploaded.lands(at.telemetry)
     {
-        return Ok(Some(Task::Steps(Vec::new(), at.commanded)));
+        if at.settled_mode() == Some(Px4Mode::MISSION) {
+            return Ok(Some(Task::Steps(Vec::new(), at.commanded)));
+        }
+        // Whether it is still on its glide is known in a second; the wrong guess would turn it there.
+        if !at.under_way.enters && uploaded.is_on_final(at.telemetry) {
+            return Err(
+                "mode 19 (land): on the final approach, and the vehicle has not reported its mode since the last command: command it \
+                 again in a second"
+                    .to_owned(),
+            );
+        }
     }
     if at.telemetry.hovers() {
         return here();

@@ -1,6 +1,7 @@
 //! Modes that fly a route: the one aboard, from the commanded waypoint, or another one that is uploaded first.
 
 use curve_paths::Position;
+use mapping::airframe::Airframe;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::route::check_way;
@@ -106,6 +107,17 @@ pub(super) fn fly(
                  descends, and fly on: give the route this speed (13002), so that it stops there"
             ));
         }
+    }
+    // PX4 drops a DO_CHANGE_SPEED while it lands, and acknowledges it.
+    if let Some(speed_m_s) = speed
+        && !begins
+        && at.telemetry.airframe() == Airframe::FixedWing
+        && compiled.is_touch_down(seq)
+    {
+        return Err(format!(
+            "Commanded Speed {speed_m_s:.1} m/s on the final approach: PX4 flies it at its own (FW_LND_AIRSPD, FW_AIRSPD_MIN); abort the \
+             landing first (mode 20, wave-off)"
+        ));
     }
     if begins {
         wings::turn_for_the_leg(uploaded, seq, at, &mut steps)?;
