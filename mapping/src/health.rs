@@ -7,7 +7,7 @@ use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use crate::airframe::refused_autopilot;
 use crate::evidence::{MOTOR_OUTPUTS, POSITION};
 use crate::parameter::Parameters;
-use crate::telemetry::Telemetry;
+use crate::telemetry::{BATTERY, Telemetry};
 
 /// The possible faults. Each has at most one alert at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,7 +24,7 @@ pub enum HealthFault {
     Gps,
     /// ESTIMATOR_STATUS: no position, or an unreliable one.
     Estimator,
-    /// SYS_STATUS: the battery's sensor.
+    /// SYS_STATUS: the battery, for another cause than a low charge that is reported.
     BatterySensor,
     /// SYS_STATUS, BATTERY_STATUS: the remaining charge.
     Charge,
@@ -75,7 +75,7 @@ impl HealthFault {
             HealthFault::Barometer => "barometer recovered",
             HealthFault::Gps => "GPS recovered",
             HealthFault::Estimator => "position estimate valid again",
-            HealthFault::BatterySensor => "battery measurement restored",
+            HealthFault::BatterySensor => "battery reported healthy again",
             HealthFault::Charge => "battery no longer low",
             HealthFault::Failsafe => "no failsafe controls the vehicle any longer",
             HealthFault::Transition => {
@@ -134,12 +134,13 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
         let text = "barometer failure: altitudes are from GPS only; keep clear of the ground";
         found(HealthFault::Barometer, P::Warning, S::Navigation, text);
     }
-    // One finding for each fault: a failed receiver has no position either.
+    // One finding for each fault: a failed receiver has no position either. PX4 may fly on by its estimate, and what of it is
+    // lost is the estimator's finding.
     if fails(GPS) {
-        let text = "GPS failure: modes that need a position are unavailable; land manually";
+        let text = "GPS failure: the position may drift, modes that need it be refused; land";
         found(HealthFault::Gps, P::Warning, S::Navigation, text);
     } else if vehicle.gps_fix == Some(false) {
-        let text = "no GPS position: modes that need a position are unavailable";
+        let text = "no GPS position: the position may drift, modes that need it be refused";
         found(HealthFault::Gps, P::Warning, S::Navigation, text);
     }
     match vehicle.sensed.estimator {
@@ -153,16 +154,24 @@ pub fn findings(vehicle: &Telemetry, parameters: &Parameters) -> Vec<Finding> {
         }
         _ => {}
     }
-    if fails(BATTERY) {
-        let text = "battery not measured: its charge is unknown; return";
+    let charge = charge(vehicle, parameters);
+    // PX4 v1.18 clears the bit for a low charge too (batteryCheck.cpp), and for one that is too low to arm.
+    if fails(BATTERY) && charge.is_none() {
+        let (priority, text) = if vehicle.battery.is_none() {
+            let text = "battery not measured: its charge is unknown; return";
+            (P::Failed, text)
+        } else {
+            let text = "battery failure, or too little charge by the vehicle's checks: return";
+            (P::Warning, text)
+        };
         found(
             HealthFault::BatterySensor,
-            P::Failed,
+            priority,
             S::PropulsionEnergy,
             text,
         );
     }
-    if let Some((priority, text)) = charge(vehicle, parameters) {
+    if let Some((priority, text)) = charge {
         found(HealthFault::Charge, priority, S::PropulsionEnergy, &text);
     }
     match vehicle.system_status {
@@ -227,8 +236,6 @@ const MAGNETOMETER: u32 = 0x4;
 const BAROMETER: u32 = 0x8;
 /// MAV_SYS_STATUS_SENSOR_GPS.
 const GPS: u32 = 0x20;
-/// MAV_SYS_STATUS_SENSOR_BATTERY.
-const BATTERY: u32 = 0x200_0000;
 /// ESTIMATOR_STATUS_FLAGS: GPS glitch, accelerometer error.
 const GLITCHES: u16 = 0x400 | 0x800;
 
@@ -294,14 +301,41 @@ mod tests {
     }
 
     #[test]
+    fn a_low_battery_that_is_measured_is_not_called_unmeasured() {
+        let mut vehicle = Telemetry::default();
+        vehicle.sensed.health = Some(Health {
+            enabled: BATTERY,
+            healthy: 0,
+        });
+        let mut at = |percent| {
+            vehicle.battery = percent;
+            found(&vehicle)
+        };
+        let sensor = HealthFault::BatterySensor;
+        assert_eq!(at(None), [(sensor, AlertPriority::Failed)]);
+        assert_eq!(at(Some(80)), [(sensor, AlertPriority::Warning)]);
+        for (percent, priority) in [
+            (12, AlertPriority::Caution),
+            (6, AlertPriority::Warning),
+            (3, AlertPriority::Emergency),
+        ] {
+            assert_eq!(at(Some(percent)), [(HealthFault::Charge, priority)]);
+        }
+    }
+
+    #[test]
     fn every_text_fits_one_message_of_16000() {
         let mut vehicle = Telemetry {
             gps_fix: Some(false),
-            battery: Some(1),
             system_status: Some(MavState::MAV_STATE_CRITICAL),
             ..Telemetry::default()
         };
-        for (enabled, estimator) in [(u32::MAX, 0), (!GPS, 0xffff)] {
+        for (enabled, estimator, battery) in [
+            (u32::MAX, 0, Some(1)),
+            (!GPS, 0xffff, Some(90)),
+            (BATTERY, 0, None),
+        ] {
+            vehicle.battery = battery;
             vehicle.sensed.health = Some(Health {
                 enabled,
                 healthy: 0,

@@ -203,7 +203,9 @@ impl Telemetry {
                     .filter(|percent| *percent <= 100);
             }
             MavMessage::SYS_STATUS(m) => {
-                self.battery = percent(m.battery_remaining).or(self.battery)
+                // The last charge of a battery that has failed or is gone is not its charge.
+                let gone = self.sensed.health.is_some_and(|now| now.fails(BATTERY));
+                self.battery = percent(m.battery_remaining).or(self.battery.filter(|_| !gone));
             }
             // Only the first battery: others may feed a payload.
             MavMessage::BATTERY_STATUS(m) if m.id == 0 => {
@@ -341,6 +343,9 @@ pub struct Battery {
     pub kelvin: Option<f64>,
 }
 
+/// MAV_SYS_STATUS_SENSOR_BATTERY.
+pub(crate) const BATTERY: u32 = 0x200_0000;
+
 /// SYS_STATUS: which sensors are in use, and which of these are healthy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Health {
@@ -455,7 +460,7 @@ impl Software {
 
 #[cfg(test)]
 mod tests {
-    use mavlink_link::dialect::{BATTERY_STATUS_DATA, SYS_STATUS_DATA};
+    use mavlink_link::dialect::{BATTERY_STATUS_DATA, MavSysStatusSensor, SYS_STATUS_DATA};
 
     use super::*;
 
@@ -471,6 +476,34 @@ mod tests {
         assert_eq!(reported(0x0112_0080), "1.18.0-beta");
         assert_eq!(reported(0x010f_02ff), "1.15.2");
         assert_eq!(reported(0x0113_0000), "1.19.0-dev");
+    }
+
+    #[test]
+    fn a_battery_that_is_gone_has_no_charge() {
+        let mut vehicle = Telemetry::default();
+        let mut charge = |battery_remaining, healthy| {
+            let enabled = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY;
+            let health = if healthy {
+                enabled
+            } else {
+                MavSysStatusSensor::empty()
+            };
+            vehicle.update(&MavMessage::SYS_STATUS(SYS_STATUS_DATA {
+                onboard_control_sensors_enabled: enabled,
+                onboard_control_sensors_health: health,
+                battery_remaining,
+                ..SYS_STATUS_DATA::default()
+            }));
+            vehicle.battery
+        };
+        assert_eq!(charge(80, true), Some(80));
+        assert_eq!(charge(-1, true), Some(80), "others report it");
+        assert_eq!(
+            charge(12, false),
+            Some(12),
+            "PX4 clears the bit for a low one"
+        );
+        assert_eq!(charge(-1, false), None);
     }
 
     #[test]
