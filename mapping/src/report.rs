@@ -17,7 +17,7 @@ use crate::altitude::Level;
 use crate::limits::metres;
 use crate::mode::Px4Mode;
 use crate::route::{CompiledMission, Leg};
-use crate::telemetry::Telemetry;
+use crate::telemetry::{MissionProgress, Telemetry};
 
 /// UA State (3002.01) of a vehicle in the air: VSM specific, described by 41002.
 pub const UA_STATE_AIRBORNE: u8 = 10;
@@ -411,6 +411,12 @@ fn commanded_speed(
         .speed_m_s
         .map(|speed_m_s| (speed_m_s, commanded.speed_type.unwrap_or(kind)));
     let in_mission = vehicle.mode == Some(Px4Mode::MISSION);
+    // Landed by it.
+    let is_complete =
+        |mission: MissionProgress| mission.state == MissionState::MISSION_STATE_COMPLETE;
+    if in_mission && vehicle.stands() && vehicle.mission.is_some_and(is_complete) {
+        return None;
+    }
     let Some((compiled, at)) = compiled
         .filter(|_| in_mission)
         .and_then(|compiled| Some((compiled, to_index(vehicle, compiled)?)))

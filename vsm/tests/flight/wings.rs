@@ -503,13 +503,16 @@ fn a_landing_that_is_commanded_again_continues() {
     rig.run(1.5);
     rig.done(orders::mode(Mode::AutolandEngage));
     rig.run(0.6);
-    let states = rig
-        .station()
-        .last(vehicle_id(0), 3002, |message| match message {
-            Message::VehicleOperatingStates(states) => Some(states.clone()),
-            _ => None,
-        });
-    assert_eq!(states.expect("a 3002").commanded_speed, speed);
+    let reported = |rig: &Rig| {
+        let states = rig
+            .station()
+            .last(vehicle_id(0), 3002, |message| match message {
+                Message::VehicleOperatingStates(states) => Some(states.clone()),
+                _ => None,
+            });
+        states.expect("a 3002").commanded_speed
+    };
+    assert_eq!(reported(&rig), speed);
     assert!(rig.until(400.0, |rig| rig.truth().mission_seq == 5));
     assert!(rig.until(100.0, |rig| -rig.truth().position.d < 35.0));
     rig.done(orders::mode(Mode::AutolandEngage));
@@ -518,6 +521,8 @@ fn a_landing_that_is_commanded_again_continues() {
     assert_eq!((truth.mission_seq, truth.mode), (5, Px4::Mission));
     let down = rig.until(300.0, |rig| !rig.truth().armed);
     assert!(down, "{:?} {:?}", rig.truth(), rig.station().alerts());
+    rig.run(2.0);
+    assert_eq!(reported(&rig), None, "on the ground");
 }
 
 #[test]

@@ -107,8 +107,11 @@ impl RouteProgress {
             // A completed route has no current waypoint. A route that has not been started leads to its first waypoint,
             // whatever the vehicle reports about the previous one.
             return if self.was_flown() {
+                // A landing pattern may have been entered from any leg, so its end proves nothing about the last waypoint.
+                let inferred = compiled.landing_start().is_none();
+                let last = compiled.order.len().checked_sub(1);
                 Along {
-                    from: self.from.or_else(|| compiled.order.len().checked_sub(1)),
+                    from: self.from.or(last.filter(|_| inferred)),
                     ..Along::default()
                 }
             } else {
@@ -134,5 +137,60 @@ impl RouteProgress {
             to,
             next,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use mapping::altitude::Level;
+    use mapping::route::Leg;
+    use mapping::telemetry::MissionProgress;
+    use mavlink_link::service::mission::Item;
+
+    use super::*;
+
+    /// MAV_CMD_NAV_WAYPOINT, DO_LAND_START, NAV_LAND.
+    const PATTERN: [u16; 3] = [16, 189, 21];
+
+    /// The From of 4001 after a mission of these items, none of which was reported as reached.
+    fn from_at_the_end(commands: &[u16]) -> Option<usize> {
+        let item = |command: &u16| Item {
+            command: *command,
+            ..Item::default()
+        };
+        let compiled = CompiledMission {
+            items: commands.iter().map(item).collect(),
+            waypoint_of: vec![7, 0, 0],
+            order: vec![Leg {
+                number: 7,
+                latitude: 47.0,
+                longitude: 8.0,
+                level: Level::AboveHome(50.0),
+                speed_m_s: None,
+            }],
+            ..CompiledMission::default()
+        };
+        let vehicle = Telemetry {
+            mode: Some(Px4Mode::MISSION),
+            mission: Some(MissionProgress {
+                seq: 0,
+                total: None,
+                state: MissionState::MISSION_STATE_COMPLETE,
+                mission_id: 1,
+                fence_id: 0,
+                rally_points_id: 0,
+            }),
+            ..Telemetry::default()
+        };
+        let mut progress = RouteProgress::default();
+        progress.begin(&vehicle);
+        progress.look(&compiled, &vehicle, false);
+        progress.along(&compiled, &vehicle).from
+    }
+
+    #[test]
+    fn a_landing_proves_nothing_about_the_last_waypoint_of_its_route() {
+        assert_eq!(from_at_the_end(&PATTERN[..1]), Some(0));
+        assert_eq!(from_at_the_end(&PATTERN), None);
     }
 }
