@@ -169,8 +169,8 @@ pub(crate) struct FlightView<'a> {
     pub(crate) loiter: &'a LoiterConfiguration,
     /// The last 2008.
     pub(crate) engine_command: Option<CommandedEngineState>,
-    /// The last 2010.
-    pub(crate) sticks: Option<&'a UaStickCommand>,
+    /// The last 2010, and until when it is valid.
+    pub(crate) sticks: Option<(&'a UaStickCommand, Duration)>,
 }
 
 /// The state of a flight termination that other machines may read.

@@ -8,7 +8,7 @@ use stanag_msgs::enums::{
 };
 use stanag_msgs::messages::{
     GenericInformationRequestMessage, LoiterConfiguration, MissionTransferCommand,
-    ScheduleMessageUpdateCommand, VehicleOperatingModeCommand,
+    ScheduleMessageUpdateCommand, UaStickCommand, VehicleOperatingModeCommand,
 };
 use stanag_msgs::{Scaled, Text, enums::LoiterType};
 
@@ -80,6 +80,19 @@ fn status_messages_are_not_pushed_before_they_are_requested() {
     for (_, _, message) in &rig.station().received {
         assert!(!details.contains(&message.id()), "{}", message.id());
     }
+}
+
+#[test]
+fn sticks_are_reported_only_while_they_arrive() {
+    let mut rig = Rig::ready();
+    rig.send_once(UaStickCommand {
+        lateral_stick: Some(40),
+        ..UaStickCommand::default()
+    });
+    let reported = report!(&mut rig, 3011, UaStickStatus);
+    assert_eq!(reported.lateral_stick, Some(40));
+    rig.run(0.5);
+    assert_eq!(rig.carry_out(ask(3011)), Some(AckType::Refused));
 }
 
 #[test]

@@ -85,7 +85,7 @@ facts! {
         "Pitch_Rate": "ATTITUDE";
         "Yaw_Rate": "ATTITUDE";
     }
-    3011 sends "by 17001, on 17002, once a 2010 has come" {
+    3011 sends "by 17001, on 17002, while sticks (2010) come that the vehicle does not ignore" {
         "Time Stamp": STAMP;
         "Lateral Stick": "the last 2010";
         "Longitudinal Stick": "the last 2010";

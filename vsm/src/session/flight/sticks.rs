@@ -169,9 +169,10 @@ impl Sticks {
         }
     }
 
-    /// The last 2010.
-    pub(crate) fn latest(&self) -> Option<&UaStickCommand> {
-        self.latest.as_ref().map(|(_, sticks)| sticks)
+    /// The last 2010, and until when it is valid.
+    pub(crate) fn latest(&self) -> Option<(&UaStickCommand, Duration)> {
+        let latest = self.latest.as_ref();
+        latest.map(|(at, sticks)| (sticks, *at + FRESH))
     }
 }
 

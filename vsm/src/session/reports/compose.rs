@@ -176,12 +176,12 @@ fn details(
             vec![status::body_sensed(vehicle, stamp).into()]
         }
         3011 => {
-            let stamp = effects.stamp();
-            flight
-                .sticks
-                .map(|sticks| sticks_status(sticks, stamp))
-                .into_iter()
-                .collect()
+            // Nothing is flown by sticks that have stopped, or that the vehicle ignores.
+            let now = context.mono();
+            let ignored = sources.parameters.ignores_sticks().is_some();
+            let arriving = flight.sticks.filter(|(_, until)| now < *until && !ignored);
+            let report = arriving.map(|(sticks, _)| sticks_status(sticks, effects.stamp()));
+            report.into_iter().collect()
         }
         21000 | 21100 | 21101 | 50025 => payload_reports(sources, report, effects),
         3016 => {
@@ -273,7 +273,7 @@ pub(super) fn station_bits(report: &Message) -> Option<u16> {
     }
 }
 
-/// 3011: the last received sticks.
+/// 3011: the sticks that arrive.
 fn sticks_status(sticks: &stanag_msgs::messages::UaStickCommand, stamp: TimeStamp) -> Message {
     Message::from(UaStickStatus {
         time_stamp: Some(stamp),
