@@ -87,11 +87,17 @@ impl Receipt {
         self.received.or(self.first_heartbeat)
     }
 
-    /// True once each time that nothing has been received for so long.
-    pub(super) fn is_overdue(&mut self, span: Duration, mono: Duration) -> bool {
-        let overdue = self
+    /// True once each time that nothing has been received for so long, nor since the other end is received again.
+    pub(super) fn is_overdue(
+        &mut self,
+        span: Duration,
+        resumed: Option<Duration>,
+        mono: Duration,
+    ) -> bool {
+        let since = self
             .since()
-            .is_some_and(|at| mono.saturating_sub(at) > span);
+            .map(|at| resumed.map_or(at, |again| again.max(at)));
+        let overdue = since.is_some_and(|at| mono.saturating_sub(at) > span);
         overdue && !core::mem::replace(&mut self.reported, overdue)
     }
 

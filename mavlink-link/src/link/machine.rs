@@ -217,8 +217,10 @@ impl<A: Copy + Eq> Link<A> {
         {
             core.receipt.handle_timeout(now.mono);
             // Counted up to the last frame that was received, not up to now: where a link is cut both ways the newest
-            // answer is up to a second older than that frame, and the vehicle is silent.
-            if core.receipt.is_overdue(UNANSWERED, at) {
+            // answer is up to a second older than that frame, and the vehicle is silent. And not from before that silence:
+            // when the link is back, the vehicle has not had the time to answer.
+            let resumed = core.presence.resumed_at();
+            if core.receipt.is_overdue(UNANSWERED, resumed, at) {
                 core.events.alert(Alert::Unanswered, now.mono);
             }
         }

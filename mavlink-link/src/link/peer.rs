@@ -206,6 +206,8 @@ pub enum LinkState {
 pub(super) struct Presence {
     state: LinkState,
     accepted: Option<Duration>,
+    /// The first accepted frame after the last silence.
+    resumed: Option<Duration>,
     /// The last accepted frame that nobody can have held back for long.
     present: Option<Duration>,
     /// The last accepted frame of the autopilot itself.
@@ -222,6 +224,7 @@ impl Presence {
         Self {
             state: LinkState::Waiting,
             accepted: None,
+            resumed: None,
             present: None,
             autopilot: None,
             stale: [None; STALE_FRAMES],
@@ -238,9 +241,17 @@ impl Presence {
         self.accepted
     }
 
+    /// Since when frames have been accepted without a silence.
+    pub(super) fn resumed_at(&self) -> Option<Duration> {
+        self.resumed
+    }
+
     /// A frame was accepted. True where the link was not live before.
     pub(super) fn accepted(&mut self, mono: Duration) -> bool {
-        self.accepted = Some(mono);
+        let before = self.accepted.replace(mono);
+        if before.is_none_or(|at| mono.saturating_sub(at) >= SILENCE) {
+            self.resumed = Some(mono);
+        }
         self.stale = [None; STALE_FRAMES];
         self.alert_at = None;
         core::mem::replace(&mut self.state, LinkState::Live) != LinkState::Live
@@ -318,6 +329,8 @@ impl Presence {
     }
 }
 
+/// How long no frame must be accepted for the next one to be the first again.
+const SILENCE: Duration = Duration::from_secs(5);
 const STALE_FRAMES: usize = 3;
 const STALE_WITHIN: Duration = Duration::from_secs(1);
 const BEHIND_ALERT: Duration = Duration::from_secs(5);

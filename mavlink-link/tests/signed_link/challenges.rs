@@ -323,3 +323,27 @@ fn a_vehicle_that_is_received_and_receives_nothing_is_reported() {
     assert!(age > Duration::from_secs(27), "{age:?}");
     assert_eq!(alerts, 1);
 }
+
+/// Seen on PX4 v1.18 after cuts of 10 and 17 s: "commands are lost" came with the first frame, and they were not.
+#[test]
+fn a_link_that_comes_back_is_not_reported_as_unanswered_at_once() {
+    let (mut station, mut vehicle) = live_pair(Endpoint::Fixed(VEHICLE));
+    let mut unanswered = |seconds: std::ops::Range<u64>, received: bool| {
+        let mut alerts = 0;
+        for second in seconds {
+            let now = at(second * 1_000);
+            station.tick(now);
+            if received {
+                assert_eq!(station.receive(now, VEHICLE, &vehicle.heartbeat()).len(), 1);
+            }
+            station.tick(now);
+            alerts += std::iter::from_fn(|| station.link.poll_event())
+                .filter(|event| *event == Event::Alert(Alert::Unanswered))
+                .count();
+        }
+        alerts
+    };
+    assert_eq!(unanswered(1..18, false), 0, "silent");
+    assert_eq!(unanswered(18..28, true), 0, "it has had no time to answer");
+    assert_eq!(unanswered(28..31, true), 1, "nothing is answered");
+}

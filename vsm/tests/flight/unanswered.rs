@@ -167,9 +167,11 @@ fn a_link_that_is_cut_both_ways_is_silent_and_not_called_received() {
         "{:?}",
         rig.station().alerts()
     );
-    // One way only, it is.
     rig.mav.faults.loss = 0.0;
     rig.run(10.0);
+    let alerts = rig.station().alerts();
+    assert!(!rig.station().has_alert(received), "back: {alerts:?}");
+    // One way only, it is.
     rig.lost_to_vehicles = vec![HEARTBEAT, PING, COMMAND_LONG, COMMAND_INT, TIMESYNC];
     rig.run(20.0);
     assert!(
