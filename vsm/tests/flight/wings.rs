@@ -525,6 +525,21 @@ fn a_landing_that_is_commanded_again_continues() {
     assert_eq!(reported(&rig), None, "on the ground");
 }
 
+/// Not with AUTO.LAND where it is then.
+#[test]
+fn a_vtol_that_hovers_towards_its_touch_down_is_landed_there() {
+    let mut rig = flies(Airframe::Vtol, "");
+    rig.done(orders::mode(Mode::AutolandEngage));
+    let hovers = |rig: &Rig| rig.truth().vtol == Some(VtolState::Hover);
+    assert!(rig.until(600.0, hovers), "{:?}", rig.truth());
+    rig.run(1.5);
+    assert_eq!(rig.truth().mode, Px4::Mission);
+    rig.done(orders::mode(Mode::AutolandEngage));
+    assert_eq!(rig.truth().mode, Px4::Mission);
+    let down = rig.until(300.0, |rig| !rig.truth().armed);
+    assert!(down, "{:?} {:?}", rig.truth(), rig.station().alerts());
+}
+
 #[test]
 fn launch_and_landing_of_a_vtol_pass_to_another_by_override_only() {
     // Else it is forwarded to the holder, who has 20 s.
