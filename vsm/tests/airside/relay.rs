@@ -327,7 +327,14 @@ fn a_captured_ground_station_reaches_no_shell_no_files_and_no_failsafe() {
     );
 
     // What the bridge sends passes.
-    for command in [22, 34, 176, 178, 192, 400, 511, 512, 32_100] {
+    for id in [4, 86, 111, 134, 282, 412] {
+        let bytes = signed(&mut world, id, &[1; 6]);
+        assert!(world.passes(GROUND, &bytes), "{id}");
+    }
+    for command in [
+        22, 34, 35, 84, 176, 178, 186, 191, 192, 400, 511, 512, 530, 531, 532, 534, 1_000, 1_001,
+        2_000, 2_500, 2_501, 3_000, 32_100, 43_002,
+    ] {
         let bytes = command_frame(&mut world, 76, command, 0.0);
         assert!(world.passes(GROUND, &bytes), "{command}");
     }

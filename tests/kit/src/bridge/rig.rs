@@ -12,6 +12,7 @@ use stanag_msgs::Message;
 use stanag_msgs::enums::AckType;
 use stanag_msgs::guard::MAX_GUARDED;
 use vsm::config::{Changes, Config, Report};
+use vsm::relay_policy::RelayPolicy;
 use vsm::session::web::WebRefusal;
 use vsm::session::{Bridge, Destination, LinkEnd, LogEntry, OutFrame, Peer, WebWay};
 
@@ -125,6 +126,8 @@ pub struct Rig {
     back_at: Option<Duration>,
     /// Time of one step: shorter than anything that is measured.
     pub step: Duration,
+    /// What an air-side agent passes by default.
+    relayed: RelayPolicy,
     one_link: bool,
     config: Config,
     /// The same configuration as the text of its file.
@@ -194,6 +197,7 @@ impl Rig {
             restarted_in: None,
             back_at: None,
             step: STEP,
+            relayed: RelayPolicy::default(),
             one_link: setup.one_link,
             config,
             text,
@@ -666,6 +670,7 @@ impl Rig {
         while let Some((index, frame)) = bridge.poll_vehicle() {
             if let Peer::Udp(to) = frame.to {
                 let bytes = frame.bytes().to_vec();
+                assert_relayed(&bytes, &self.relayed);
                 let port = if self.one_link { 0 } else { index };
                 self.mav.send(clock, bridge_mav(port), to, bytes);
             }
@@ -706,6 +711,34 @@ impl Rig {
     }
 }
 
+/// Whatever a test makes the bridge send, an air-side agent passes it by default, but for what its owner has to list.
+fn assert_relayed(frame: &[u8], policy: &RelayPolicy) {
+    let byte = |at: usize| frame.get(at).copied().unwrap_or(0);
+    // Frames of a `[[forward]]` keep their sender.
+    if [byte(5), byte(6)] != OWN {
+        return;
+    }
+    let id = u32::from_le_bytes([byte(7), byte(8), byte(9), 0]);
+    let passes = policy.messages.contains(&id) || NOT_RELAYED.contains(&id);
+    assert!(passes, "relay_policy.rs: message {id} is not on its list");
+    if COMMANDS.contains(&id) {
+        // Zeros at the end of a payload are cut off.
+        let payload = |at: u8| {
+            if at < byte(1) {
+                byte(10 + usize::from(at))
+            } else {
+                0
+            }
+        };
+        let command = u16::from_le_bytes([payload(28), payload(29)]);
+        let passes = policy.commands.contains(&command) || command == TERMINATION;
+        assert!(
+            passes,
+            "relay_policy.rs: command {command} is not on its list"
+        );
+    }
+}
+
 fn toml(setup: &Setup) -> String {
     let mut text = format!(
         "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"{}\"\n{}\n",
@@ -732,5 +765,13 @@ fn toml(setup: &Setup) -> String {
 /// The first index of keys for `[[forward]]`s that have one, as `key` takes it.
 pub const FORWARD_KEYS: usize = 20;
 
+/// The bridge's MAVLink system and component id.
+const OWN: [u8; 2] = [245, 190];
+/// FILE_TRANSFER_PROTOCOL, which the owner lists, and KEY_EXCHANGE, which the agent takes itself.
+const NOT_RELAYED: [u32; 2] = [110, 229];
+/// COMMAND_INT and COMMAND_LONG.
+const COMMANDS: [u32; 2] = [75, 76];
+/// DO_FLIGHTTERMINATION, which the owner lists.
+const TERMINATION: u16 = 185;
 /// Shorter than anything that most tests measure.
 const STEP: Duration = Duration::from_millis(10);
