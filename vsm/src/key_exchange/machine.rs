@@ -312,23 +312,21 @@ impl KeyExchange {
 
     /// Checks what has become due with time.
     fn check_age(&mut self, now: Now, with: &mut Surroundings<'_>) {
-        let wall_s = now.wall.as_secs();
+        // A clock that shows a time before the build is wrong.
+        let wall_s = now.wall.as_secs().max(with.not_before.as_secs());
+        let mut changed = self.record.note_clock(wall_s);
         if let Some(proven) = with.bridge.proven_key(self.index) {
             self.prove_pairing(now, proven, with);
             if self.record.note_key(proven, wall_s) {
                 self.adopted_at = Some(now.mono);
-            } else if self.record.is_ahead_of(wall_s) {
-                // It was noted by a wall clock that was ahead: by that date the key would never grow old.
-                self.record.since = wall_s;
-            } else {
-                return self.replace_old(now, with);
+                changed = true;
             }
-            if let Err(fault) = self.record.save(with.records(), self.vehicle) {
-                self.note(
-                    LogLevel::Warning,
-                    format!("the age of the key cannot be stored: {fault}"),
-                );
-            }
+        }
+        if changed && let Err(fault) = self.record.save(with.records(), self.vehicle) {
+            self.note(
+                LogLevel::Warning,
+                format!("the age of the key cannot be stored: {fault}"),
+            );
         }
         self.replace_old(now, with);
     }

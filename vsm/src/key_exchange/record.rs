@@ -36,6 +36,9 @@ pub struct ExchangeRecord {
     /// When that key was first used, s since 1970.
     #[serde(default)]
     pub since: u64,
+    /// What `since` was before a wall clock that was far behind it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub doubted: Option<u64>,
 }
 
 /// A pairing that was answered and not confirmed.
@@ -77,16 +80,27 @@ impl ExchangeRecord {
     pub fn note_key(&mut self, key: KeyId, wall_s: u64) -> bool {
         let changed = self.key != Some(*key.bytes());
         if changed {
-            (self.key, self.since) = (Some(*key.bytes()), wall_s);
+            (self.key, self.since, self.doubted) = (Some(*key.bytes()), wall_s, None);
         }
         changed
     }
 
-    /// Whether the key was noted by a wall clock that was ahead of this one, s since 1970, by more than a clock that is
-    /// corrected now and then.
-    #[must_use]
-    pub fn is_ahead_of(&self, wall_s: u64) -> bool {
-        self.since > wall_s.saturating_add(A_DAY_S)
+    /// Compares the date of the key with the wall clock, s since 1970. Returns true if it was changed.
+    ///
+    /// A date that is ahead, by more than a clock that is corrected now and then, is replaced: by it the key would never grow old.
+    /// Only one of the two clocks was wrong, and it may be this one: then it comes past the first date again, which is put back.
+    pub fn note_clock(&mut self, wall_s: u64) -> bool {
+        let latest = wall_s.saturating_add(A_DAY_S);
+        if let Some(before) = self.doubted.take_if(|before| *before <= latest) {
+            self.since = before;
+            return true;
+        }
+        let ahead = self.since > latest;
+        if ahead {
+            self.doubted = self.doubted.or(Some(self.since));
+            self.since = wall_s;
+        }
+        ahead
     }
 }
 
@@ -188,6 +202,29 @@ mod tests {
     use mavlink_link::store::MemoryDisk;
 
     use super::*;
+
+    #[test]
+    fn a_step_of_the_wall_clock_makes_no_key_old_and_none_young_for_ever() {
+        let (agreed, years) = (1_796_000_000, 5 * 365 * A_DAY_S);
+        let mut record = ExchangeRecord::default();
+        record.note_key(KeyId::from_bytes([5; 8]), agreed);
+        assert!(!record.note_clock(agreed + 60));
+        // Back, further back, and right again.
+        assert!(record.note_clock(agreed - years));
+        assert_eq!(record.since, agreed - years);
+        assert!(record.note_clock(agreed - 2 * years));
+        assert!(record.note_clock(agreed + 120));
+        assert_eq!((record.since, record.doubted), (agreed, None));
+        // It was noted by a clock that was ahead: from now on it grows old.
+        let right = agreed - years;
+        assert!(record.note_clock(right));
+        assert!(!record.note_clock(right + 40 * A_DAY_S));
+        assert_eq!(record.since, right);
+        // Another key is not concerned.
+        assert!(record.note_key(KeyId::from_bytes([6; 8]), right + 40 * A_DAY_S));
+        assert!(!record.note_clock(agreed));
+        assert_eq!(record.since, right + 40 * A_DAY_S);
+    }
 
     #[test]
     fn a_record_and_the_identity_come_back_from_the_disk() {
