@@ -12,6 +12,15 @@ pub(super) const ROOM: usize = PLAIN - 2;
 /// `first` of a packet in which no frame begins.
 pub(super) const NO_START: u8 = 255;
 
+/// Two flags, and what escaping adds to a packet: two of 256 values of a byte are escaped.
+const FRAMING: usize = 3;
+
+/// Bytes on the radio for one frame of MAVLink that is sent alone: whole packets.
+#[must_use]
+pub const fn bytes_on_radio(frame: usize) -> usize {
+    frame.div_ceil(ROOM) * (PACKET + FRAMING)
+}
+
 /// One direction of one session, sending.
 #[derive(Debug)]
 pub(super) struct Sealer {
@@ -93,6 +102,33 @@ impl Sealer {
         Self {
             counter,
             ..Self::new(key)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::framing::{self, MAX_WIRE};
+    use super::*;
+
+    #[test]
+    fn a_frame_that_is_sent_alone_takes_the_bytes_that_are_planned_for_it() {
+        let mut sealer = Sealer::new(PacketKey::new(&[1; 32], 2, 3));
+        let mut wire = [0; MAX_WIRE];
+        let times = 500;
+        for len in [1, 45, ROOM, ROOM + 1, 2 * ROOM, 280] {
+            let mut bytes = 0;
+            for _ in 0..times {
+                let mut packets = Vec::new();
+                sealer.push(&vec![7; len], |packet| packets.push(packet));
+                packets.extend(sealer.flush());
+                for packet in &packets {
+                    bytes += framing::write(packet, &mut wire);
+                }
+            }
+            let planned = bytes_on_radio(len) * times;
+            let fits = bytes <= planned && 100 * bytes > 99 * planned;
+            assert!(fits, "{len}: {bytes} of {planned}");
         }
     }
 }

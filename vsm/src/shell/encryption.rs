@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::encrypted::{
-    Carrier, EncryptedConfig, EncryptedEvent, EncryptedLink, MAX_WIRE, Role,
+    Carrier, EncryptedConfig, EncryptedEvent, EncryptedLink, MAX_WIRE, Role, bytes_on_radio,
 };
 use mavlink_link::exchange::{Identity, Parties, PublicKey};
 use mavlink_link::store::{Disk, StoreError};
@@ -65,7 +65,7 @@ impl Encryption {
             // Commands wait for nothing; telemetry may, so that more of it is in a packet.
             linger: match role {
                 Role::Ground => Duration::ZERO,
-                Role::Air => LINGER,
+                Role::Air => linger(address),
             },
         };
         Ok(Encryption {
@@ -182,13 +182,46 @@ impl Faults {
     }
 }
 
+/// How long telemetry waits for a packet to be full: on a serial line as long as that takes to send one, since the next would wait for
+/// the line anyway, and half-full packets are what fills a slow radio.
+fn linger(address: &LinkAddress) -> Duration {
+    let LinkAddress::Serial { baud, .. } = address else {
+        return MIN_LINGER;
+    };
+    // Ten bits a byte.
+    let bits = bytes_on_radio(1) as f64 * 10.0;
+    let packet = Duration::from_secs_f64(bits / f64::from((*baud).max(1)));
+    packet.clamp(MIN_LINGER, MAX_LINGER)
+}
+
 const FAULT_AGAIN: Duration = Duration::from_secs(60);
 /// A third of what a radio of 57,600 baud needs for one packet.
-const LINGER: Duration = Duration::from_millis(5);
+const MIN_LINGER: Duration = Duration::from_millis(5);
+/// An answer to a command waits for as long at the most.
+const MAX_LINGER: Duration = Duration::from_millis(100);
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn telemetry_waits_for_as_long_as_its_line_takes_for_a_packet() {
+        let serial = |baud| LinkAddress::Serial {
+            device: "/dev/ttyS1".to_owned(),
+            baud,
+        };
+        let udp = LinkAddress::UdpOut("ground:14550".to_owned());
+        for (address, millis) in [
+            (udp, 5),
+            (serial(921_600), 5),
+            (serial(57_600), 17),
+            (serial(19_200), 52),
+            (serial(9_600), 100),
+            (serial(0), 100),
+        ] {
+            assert_eq!(linger(&address).as_millis(), millis, "{address:?}");
+        }
+    }
 
     #[test]
     fn a_fault_that_lasts_is_logged_when_it_begins_and_once_a_minute() {

@@ -17,7 +17,7 @@ use crate::config::{self, LinkAddress};
 use crate::session::aircraft::Aircraft;
 use crate::session::link::frame::Peer;
 use crate::session::link::services::Services;
-use crate::session::link::{LinkId, VehicleLink};
+use crate::session::link::{Capacity, LinkId, VehicleLink};
 use crate::session::log::LogLevel;
 use crate::session::trace::LinkTrace;
 
@@ -40,8 +40,9 @@ impl Bridge {
             vehicle: vehicle.id,
             cause,
         })?;
-        let link = VehicleLink::new(Link::new(link), key, vehicle.rate_bps);
-        let services = Services::new(self.setup.own, link.autopilot(), vehicle.rate_bps);
+        let capacity = Capacity::of(vehicle);
+        let link = VehicleLink::new(Link::new(link), key, capacity);
+        let services = Services::new(self.setup.own, link.autopilot(), capacity);
         let (settings, number) = (self.setup.settings.clone(), self.aircraft.next_number);
         let mut aircraft = Aircraft::new(vehicle.clone(), settings, link, services, number);
         let known = aircraft.restore(&mut self.effects(now, disk).0)?;

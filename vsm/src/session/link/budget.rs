@@ -6,17 +6,66 @@
 //!   before is paid for, so a command waits behind one such frame at most.
 //! - 20 % stays free for texts, events and the exchange of keys, and because the overhead of a radio is not known to the byte.
 //!
-//! A byte counts as ten bits, as on a serial line. Both directions count, because a radio sends them in turn.
+//! A byte counts as ten bits, as on a serial line. Both directions count, because a radio sends them in turn. On an encrypted link
+//! each frame counts as the whole packets that it takes alone: on a slow link the next one comes too late to share them.
 
 use std::time::Duration;
 
 use mavlink_link::dialect::{MavCmd, MavMessage};
+use mavlink_link::encrypted::bytes_on_radio;
+
+use crate::config;
+
+/// What a link carries, where that is little.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Capacity {
+    rate_bps: u32,
+    encrypted: bool,
+}
+
+impl Capacity {
+    /// That of a vehicle's link; `None`: no limit.
+    pub(crate) fn of(vehicle: &config::Vehicle) -> Option<Capacity> {
+        let encrypted = vehicle.encrypt;
+        vehicle.rate_bps.map(|rate_bps| Capacity {
+            rate_bps,
+            encrypted,
+        })
+    }
+
+    /// Share of the link for the vehicle's reports, bytes a second.
+    pub(super) fn reported_bytes_s(self) -> f64 {
+        f64::from(self.rate_bps) / BITS_A_BYTE * OF_REPORTS
+    }
+
+    /// Bytes on the radio for a frame.
+    pub(super) fn on_radio(self, frame: usize) -> usize {
+        if self.encrypted {
+            bytes_on_radio(frame)
+        } else {
+            frame
+        }
+    }
+
+    /// Whether an agent is at the other end, whose heartbeats are on the radio too.
+    pub(super) fn has_agent(self) -> bool {
+        self.encrypted
+    }
+
+    #[cfg(test)]
+    pub(super) fn new(rate_bps: u32, encrypted: bool) -> Capacity {
+        Capacity {
+            rate_bps,
+            encrypted,
+        }
+    }
+}
 
 /// Accounts for what was sent.
 #[derive(Debug)]
 pub(super) struct Budget {
-    /// Time that one byte costs; `None`: no limit.
-    per_byte: Option<Duration>,
+    /// The link, and the time that one byte costs; `None`: no limit.
+    per_byte: Option<(Capacity, Duration)>,
     paid_at: Duration,
     /// Something may be waiting for room, and since when.
     held_back: bool,
@@ -24,10 +73,13 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    pub(super) fn new(rate_bps: Option<u32>) -> Budget {
-        let bytes_s = |bps: u32| f64::from(bps) / BITS_A_BYTE * OF_SENDING;
+    pub(super) fn new(capacity: Option<Capacity>) -> Budget {
+        let per_byte = |one: Capacity| {
+            let bytes_s = f64::from(one.rate_bps) / BITS_A_BYTE * OF_SENDING;
+            (one, Duration::from_secs_f64(1.0 / bytes_s))
+        };
         Budget {
-            per_byte: rate_bps.map(|bps| Duration::from_secs_f64(1.0 / bytes_s(bps))),
+            per_byte: capacity.map(per_byte),
             paid_at: Duration::ZERO,
             held_back: false,
             held_since: None,
@@ -56,8 +108,9 @@ impl Budget {
 
     /// Accounts for a frame of `bytes` bytes, and for the `answer` bytes that come back.
     pub(super) fn spend(&mut self, now: Duration, bytes: usize, answer: usize) {
-        if let Some(per_byte) = self.per_byte {
-            let bytes = u32::try_from(bytes + answer).unwrap_or(u32::MAX);
+        if let Some((capacity, per_byte)) = self.per_byte {
+            let bytes = capacity.on_radio(bytes) + capacity.on_radio(answer);
+            let bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
             // Urgent frames are sent whatever they cost, so their debt is bounded: what can wait must not wait for ever.
             let owed = self.paid_at.max(now) + per_byte.saturating_mul(bytes);
             self.paid_at = owed.min(now + MAX_OWED);
@@ -69,11 +122,6 @@ impl Budget {
         let turn = self.held_since.map_or(self.paid_at, |at| at + MAX_OWED);
         self.held_back.then_some(self.paid_at.min(turn))
     }
-}
-
-/// Share of the link for the vehicle's reports, bytes a second.
-pub(super) fn reported_bytes_s(rate_bps: u32) -> f64 {
-    f64::from(rate_bps) / BITS_A_BYTE * OF_REPORTS
 }
 
 /// Size of the signed frames that answer a message, bytes.
@@ -109,7 +157,7 @@ mod tests {
 
     #[test]
     fn what_can_wait_leaves_at_its_share_and_what_cannot_is_counted() {
-        let mut budget = Budget::new(Some(9_600));
+        let mut budget = Budget::new(Some(Capacity::new(9_600, false)));
         let (mut left, mut at) = (0, NOW);
         while at < NOW + Duration::from_secs(10) {
             if budget.has_room(at) {
@@ -144,8 +192,21 @@ mod tests {
     }
 
     #[test]
+    fn on_an_encrypted_link_whole_packets_are_counted() {
+        // A frame of 40 bytes and an answer of 20: two packets of 100 bytes each.
+        for (encrypted, bytes) in [(false, 60), (true, 200)] {
+            let mut budget = Budget::new(Some(Capacity::new(9_600, encrypted)));
+            budget.spend(NOW, 40, 20);
+            let paid = NOW + Duration::from_secs_f64(f64::from(bytes) / 240.0);
+            let little = Duration::from_millis(1);
+            assert!(!budget.is_free(paid - little), "{encrypted}");
+            assert!(budget.is_free(paid + little), "{encrypted}");
+        }
+    }
+
+    #[test]
     fn a_list_of_parameters_is_counted_as_what_it_brings() {
-        let mut budget = Budget::new(Some(57_600));
+        let mut budget = Budget::new(Some(Capacity::new(57_600, false)));
         let list = MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA::default());
         budget.spend(NOW, 27, answer_bytes(&list));
         assert!(!budget.is_free(NOW + MAX_OWED - Duration::from_millis(1)));

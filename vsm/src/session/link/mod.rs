@@ -63,6 +63,7 @@ use super::effects::Effects;
 use super::findings::vehicle::{Arrivals, Evidence, FRESH, Kind};
 use super::log::LogLevel;
 
+pub(crate) use budget::Capacity;
 pub(crate) use intake::is_of_payload;
 pub(crate) use link_id::LinkId;
 pub(crate) use rates::needed_every_us;
@@ -137,11 +138,11 @@ struct Fresh {
 }
 
 impl VehicleLink {
-    /// `rate_bps`: what the link carries, where that is little.
+    /// `capacity`: what the link carries, where that is little.
     pub(crate) fn new(
         link: Link<Peer>,
         key: Option<KeyState>,
-        rate_bps: Option<u32>,
+        capacity: Option<Capacity>,
     ) -> VehicleLink {
         let vehicle = Node::new(link.config().vehicle_system, AUTOPILOT);
         VehicleLink {
@@ -165,7 +166,7 @@ impl VehicleLink {
             loss: Loss::default(),
             accepted: Vec::new(),
             events: VecDeque::new(),
-            budget: Budget::new(rate_bps),
+            budget: Budget::new(capacity),
             out: VecDeque::new(),
             received: ByType::default(),
             sent: ByType::default(),

@@ -9,6 +9,7 @@ use mavlink_link::dialect::MavMessage;
 use mavlink_link::service::interval::Intervals;
 use mavlink_link::service::{Node, command, event, ftp, mission, param, timesync};
 
+use super::budget::Capacity;
 use super::ground::GroundService;
 use super::rates::Rates;
 
@@ -38,9 +39,9 @@ pub(crate) struct Services {
 
 impl Services {
     /// Services from `own`, this VSM, to `vehicle`, its autopilot.
-    /// `rate_bps`: what the link carries, where that is little.
-    pub(crate) fn new(own: Node, vehicle: Node, rate_bps: Option<u32>) -> Services {
-        let rates = Rates::new(rate_bps);
+    /// `capacity`: what the link carries, where that is little.
+    pub(crate) fn new(own: Node, vehicle: Node, capacity: Option<Capacity>) -> Services {
+        let rates = Rates::new(capacity);
         Services {
             missions: mission::Client::new(own, vehicle, mission::Timing::default()),
             commands: command::Client::new(own, vehicle, command::Timing::default()),
