@@ -126,3 +126,29 @@ fn without_a_budget_the_same_radio_is_full() {
     assert!(longest > Some(Duration::from_millis(900)), "{longest:?}");
     assert!(rig.mav.lost() > 100, "{}", rig.mav.lost());
 }
+
+#[test]
+fn a_radio_that_is_full_from_the_start_is_given_its_rates() {
+    for (rate_bps, keys) in [
+        (9_600, "rate_bps = 9600\n"),
+        (19_200, "rate_bps = 19200\n"),
+        (57_600, "rate_bps = 57600\n"),
+    ] {
+        let line = f64::from(rate_bps) / 10.0;
+        let mut rig = Rig::new(Setup {
+            mav: Faults {
+                bytes_s: Some(line),
+                ..Faults::NONE.delayed_ms(20, 60)
+            },
+            vehicle_keys: keys,
+            ..Setup::default()
+        });
+        rig.run(90.0);
+        assert!(rig.mav.lost() > 100, "{rate_bps}: {}", rig.mav.lost());
+        let (begun, lost) = (rig.clock.elapsed(), rig.mav.lost());
+        rig.run(20.0);
+        let used = busiest(&rig, begun) / line;
+        assert!(used < 0.9, "{rate_bps}: {used}");
+        assert_eq!(rig.mav.lost(), lost, "{rate_bps}");
+    }
+}

@@ -96,6 +96,11 @@ impl Budget {
         !self.held_back
     }
 
+    /// Whether the link is a slow one.
+    pub(super) fn is_limited(&self) -> bool {
+        self.per_byte.is_some()
+    }
+
     /// Whether everything sent before is paid for.
     pub(super) fn is_free(&self, now: Duration) -> bool {
         self.per_byte.is_none() || self.paid_at <= now

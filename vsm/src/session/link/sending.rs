@@ -1,6 +1,8 @@
 //! Sending to the vehicle. Frames are signed at the moment of sending; the timestamps of requests are kept, so that an
 //! answer can be distinguished from a replay of an older one.
 
+use std::time::Duration;
+
 use mavlink::Message as _;
 use mavlink_link::Now;
 use mavlink_link::dialect::{MavCmd, MavMessage};
@@ -100,6 +102,9 @@ impl VehicleLink {
                 vehicle.state_is_newer = false;
             }
         }
+        if let Some(request) = self.request_of_round(now, vehicle, services) {
+            self.send(now, &request, store);
+        }
         // As for the autopilot, separately for each component. None of these commands changes the mode or arms.
         for (component, commands) in &mut services.components {
             loop {
@@ -139,6 +144,23 @@ impl VehicleLink {
             let stamp = self.send(now, &message, store);
             self.asked.file = self.asked.file.or(stamp);
         }
+    }
+
+    /// The next rate to request without waiting for an answer. PX4's default streams, or an agent that passes on all of them, fill a
+    /// slow radio, and HEARTBEATs and answers are lost with the rest: the vehicle would not be live before its rates are lowered, nor
+    /// these before it is.
+    fn request_of_round(
+        &self,
+        now: Now,
+        vehicle: &VehicleState,
+        services: &mut Services,
+    ) -> Option<MavMessage> {
+        let received = self.live_for(now.mono)?;
+        if !self.budget.is_limited() || !self.budget.is_free(now.mono) {
+            return None;
+        }
+        let full = !vehicle.live() && received >= WITHOUT_HEARTBEAT;
+        services.intervals.poll_round(now.mono, self.vehicle, full)
     }
 
     /// Sends the terrain block that is due, to a vehicle that has requested it.
@@ -248,6 +270,9 @@ impl VehicleLink {
         sent.is_ok()
     }
 }
+
+/// Two HEARTBEATs that did not arrive, although other frames do.
+const WITHOUT_HEARTBEAT: Duration = Duration::from_secs(2);
 
 /// Whether a command may change the mode, or arm or disarm. Requests for rates, messages and operator control are frequent,
 /// and others change a value within a mode (PX4 rejects an altitude or a course in modes that do not use it): such commands
