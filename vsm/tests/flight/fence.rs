@@ -166,6 +166,58 @@ fn sixty_four_vertices_go_aboard_and_one_more_does_not() {
     assert_eq!(aboard(&rig).len(), 64);
 }
 
+/// The alert of a download while the vehicle reports another fence.
+const NOT_REPORTED: &str = "the vehicle does not report the areas of this download as its fence";
+
+/// The areas that a download sends.
+fn downloaded(rig: &mut Rig) -> Vec<AreaVertex> {
+    let mark = rig.station().received.len();
+    rig.done(order(AreaPlanMode::Download));
+    rig.station().received[mark..]
+        .iter()
+        .filter_map(|(_, _, message)| match message {
+            Message::AreaVertex(vertex) => Some(vertex.clone()),
+            _ => None,
+        })
+        .collect()
+}
+
+/// Whether a download sends the circle with this radius, and nothing else.
+fn downloads_circle(rig: &mut Rig, radius_m: f32) -> bool {
+    let came = downloaded(rig);
+    matches!(&came[..], [circle] if circle.radius == Some(radius_m))
+}
+
+#[test]
+fn a_download_shows_the_areas_that_were_loaded_and_not_those_sent_since() {
+    let not_loaded = "areas were sent (50016) and not loaded";
+    let mut rig = Rig::ready();
+    rig.send_plan(vec![circle(1, AreaType::KeepInCircle, (0.0, 0.0), 800.0)]);
+    assert_eq!(
+        rig.carry_out(order(AreaPlanMode::Download)),
+        Some(AckType::Refused)
+    );
+    rig.run(0.1);
+    assert!(rig.station().has_alert("no areas are loaded"));
+    assert_eq!(status(&rig).status, Some(MissionTransferStatus::Aborted));
+    rig.done(order(AreaPlanMode::Load));
+    assert!(downloads_circle(&mut rig, 800.0));
+    rig.run(0.1);
+    assert!(!rig.station().has_alert(not_loaded));
+    assert!(!rig.station().has_alert(NOT_REPORTED));
+    rig.send_plan(vec![circle(1, AreaType::KeepInCircle, (0.0, 0.0), 300.0)]);
+    assert!(downloads_circle(&mut rig, 800.0));
+    rig.run(0.1);
+    assert!(rig.station().has_alert(not_loaded));
+    // Nor those of a load that is cut off.
+    let load = rig.send(order(AreaPlanMode::Load));
+    rig.run(0.05);
+    assert_eq!(rig.station().end(load), None, "too late for this test");
+    rig.restart_bridge();
+    assert_eq!(rig.end(load), Some(AckType::Refused));
+    assert!(downloads_circle(&mut rig, 800.0));
+}
+
 #[test]
 fn areas_come_back_as_they_were_sent_and_survive_a_restart() {
     let mut rig = Rig::ready();
@@ -174,15 +226,7 @@ fn areas_come_back_as_they_were_sent_and_survive_a_restart() {
     rig.done(order(AreaPlanMode::Load));
     rig.restart_bridge();
     rig.run(8.0);
-    let mark = rig.station().received.len();
-    rig.done(order(AreaPlanMode::Download));
-    let came: Vec<AreaVertex> = rig.station().received[mark..]
-        .iter()
-        .filter_map(|(_, _, message)| match message {
-            Message::AreaVertex(vertex) => Some(vertex.clone()),
-            _ => None,
-        })
-        .collect();
+    let came = downloaded(&mut rig);
     assert_eq!(came.len(), 4);
     for (came, sent) in came.iter().zip(&sent) {
         let Message::AreaVertex(sent) = sent else {

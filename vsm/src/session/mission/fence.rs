@@ -9,7 +9,7 @@
 use std::time::Duration;
 
 use mapping::area::{self, Area, AreaError, Areas, FencePoint};
-use mavlink_link::service::mission::{self, Item, MavMissionType};
+use mavlink_link::service::mission::{self, Item, MavMissionType, plan_id};
 use mavlink_link::store::{Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::{AckType, AreaPlanMode as Mode, MissionTransferStatus};
@@ -164,15 +164,7 @@ impl Fence {
             }
             // A CUCS can clear only its own areas: those of the configuration are uploaded again without them.
             Mode::Clear => (Areas::default(), self.points(&Areas::default(), None)),
-            Mode::Download => {
-                let mut answers: Vec<Message> = self.sent.messages().collect();
-                answers.push(status(mode, MissionTransferStatus::Complete, None).into());
-                return effects.request(Request::AnswerLater {
-                    station: origin.station,
-                    answers,
-                    origin: Some(origin),
-                });
-            }
+            Mode::Download => return self.download(context, origin, effects),
             Mode::Unknown(value) => {
                 let why = format!("Area Plan Mode {value}, expected 1 to 3");
                 return effects.refuse(Some(origin), why);
@@ -186,6 +178,37 @@ impl Fence {
                 self.end(context, requester, Some(vertex), fault.to_string(), effects);
             }
         }
+    }
+
+    /// Sends the areas of CUCSs that were loaded last: what was sent since, or was not loaded, does not bound the vehicle.
+    fn download(&self, context: &Context<'_>, origin: Origin, effects: &mut Effects<'_>) {
+        let mode = Mode::Download;
+        if self.loaded.is_empty() {
+            report(
+                effects,
+                origin.station,
+                mode,
+                MissionTransferStatus::Aborted,
+                None,
+            );
+            return effects.refuse(Some(origin), NONE_LOADED);
+        }
+        if self.sent != self.loaded {
+            effects.advise("areas were sent (50016) and not loaded: the download shows those that were loaded last");
+        }
+        let id = self
+            .points(&self.loaded, None)
+            .map(|points| plan_id(&items(&points)));
+        if id.ok() != self.kept.named(context) {
+            effects.advise("the vehicle does not report the areas of this download as its fence");
+        }
+        let mut answers: Vec<Message> = self.loaded.messages().collect();
+        answers.push(status(mode, MissionTransferStatus::Complete, None).into());
+        effects.request(Request::AnswerLater {
+            station: origin.station,
+            answers,
+            origin: Some(origin),
+        });
     }
 
     fn points(&self, areas: &Areas, at: Option<(f64, f64)>) -> Result<Vec<FencePoint>, AreaError> {
@@ -488,4 +511,6 @@ fn vertex_of(points: &[FencePoint], fault: &Fault) -> Option<Vertex> {
 const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
 /// Text of the cleared warning.
 const UPLOADED: &str = "the fence is uploaded";
+const NONE_LOADED: &str =
+    "no areas are loaded: those that were sent (50016) wait for a load (50017)";
 const NOT_STORED: &str = "what the vehicle holds cannot be stored";
