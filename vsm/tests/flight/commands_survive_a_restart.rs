@@ -169,6 +169,27 @@ fn an_upload_that_a_restart_interrupts_is_reported_to_a_station_that_comes_later
     assert_load_aborted(&rig);
 }
 
+/// What was sent to its proved address from before the restart has reached nobody.
+#[test]
+fn an_upload_that_a_restart_interrupts_is_reported_to_a_station_that_returns_on_another_port() {
+    let mut rig = Rig::ready();
+    rig.stations[0].heartbeats = true;
+    rig.send_plan(orders::square());
+    let load = rig.send(orders::load());
+    rig.run(0.05);
+    assert_eq!(rig.station().end(load), None, "too late for this test");
+    rig.stop_bridge();
+    rig.stations[0].address.set_port(41_234);
+    rig.start_bridge();
+    rig.run(5.0);
+    assert_eq!(rig.station().end(load), Some(AckType::Refused));
+    assert!(
+        rig.station()
+            .has_alert("13000 (Mission Transfer Command) refused: the VSM restarted")
+    );
+    assert_load_aborted(&rig);
+}
+
 #[test]
 fn a_command_that_cannot_be_logged_is_carried_out_and_that_is_reported() {
     let mut rig = Rig::ready();

@@ -79,8 +79,8 @@ pub struct Bridge {
     stations: Vec<GroundStation>,
     /// The recent messages of each station.
     remembered: Vec<Remembered>,
-    /// Commands, each with its station, that a restart has cut off and that were refused while the address of the station was not
-    /// known: it is sent that once it has one.
+    /// Commands, each with its station, that a restart has cut off and that were refused at the start, before anything was received
+    /// from the station: where it is then received from another address, it is sent that again, for it may have moved meanwhile.
     cut_off: Vec<(usize, Seen)>,
     aircraft: Fleet,
     links: Links,
@@ -350,9 +350,7 @@ impl Bridge {
                 // If it is sent again it gets the same result; it must not be answered as a duplicate then.
                 if !answered {
                     self.remembered[index].forget(seen.digest);
-                } else if self.stations[index].peer.is_none()
-                    && self.remembered[index].was_refused(seen.message_type, seen.stamp)
-                {
+                } else if self.remembered[index].was_refused(seen.message_type, seen.stamp) {
                     self.cut_off.push((index, seen));
                 }
             }
@@ -365,7 +363,12 @@ impl Bridge {
         Ok(())
     }
 
-    /// A station has an address: sends it the ends of what a restart has cut off.
+    /// The station is where it was sent the ends of what a restart has cut off.
+    fn forget_cut_off(&mut self, index: usize) {
+        self.cut_off.retain(|(station, _)| *station != index);
+    }
+
+    /// A station has an address, or another one: sends it the ends of what a restart has cut off.
     fn end_cut_off(&mut self, now: Now, index: usize, disk: &mut dyn Disk) {
         let all = std::mem::take(&mut self.cut_off).into_iter();
         let (own, others): (Vec<_>, Vec<_>) = all.partition(|(station, _)| *station == index);

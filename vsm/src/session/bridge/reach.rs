@@ -62,8 +62,10 @@ impl Bridge {
         // Before any rate limit is charged: it is answered in the edition in which it arrived.
         self.paths.set_edition(index, arriving.ed25);
         let arrival = self.paths.arrived(now.mono, index, from, bytes, controls);
-        if arrival == Arrival::Moved {
-            self.moved(now, index, disk);
+        match arrival {
+            Arrival::Moved => self.moved(now, index, disk),
+            Arrival::Current => self.forget_cut_off(index),
+            Arrival::Unproven => {}
         }
         let mut taken = arrival != Arrival::Unproven;
         if let Some(stamp) = arriving.answer.filter(|_| !copied) {
