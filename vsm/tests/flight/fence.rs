@@ -61,6 +61,13 @@ fn status(rig: &Rig) -> AreaTransferStatus {
     reported.expect("a 50018")
 }
 
+/// Corners about home, at one distance.
+fn ring(radius_m: f64, corners: u8) -> Vec<(f64, f64)> {
+    let angle = |n: u8| std::f64::consts::TAU * f64::from(n) / f64::from(corners);
+    let corner = |n| (radius_m * angle(n).cos(), radius_m * angle(n).sin());
+    (0..corners).map(corner).collect()
+}
+
 /// Commands of the fence items that the vehicle holds.
 fn aboard(rig: &Rig) -> Vec<u16> {
     let vehicle = rig.vehicles[0].vehicle();
@@ -98,6 +105,27 @@ fn areas_go_aboard_whole_and_bound_the_routes_that_the_vehicle_takes() {
     );
     rig.send_plan(vec![orders::waypoint(2, 0, 250.0, 10.0, 20.0).into()]);
     rig.done(orders::load());
+}
+
+/// The vehicle reads its fence for some seconds, and until then reports the mission as what it was within the former one.
+#[test]
+fn a_route_aboard_that_is_loaded_again_under_a_tighter_fence_is_refused() {
+    let mut rig = Rig::ready();
+    let route: Vec<Message> = vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 80.0, 0.0, 20.0).into(),
+        orders::waypoint(2, 0, 250.0, 0.0, 20.0).into(),
+    ];
+    rig.send_plan(polygon(1, AreaType::KeepInPolygon, &ring(500.0, 40)));
+    rig.done(order(AreaPlanMode::Load));
+    rig.send_plan(route.clone());
+    rig.done(orders::load());
+    rig.send_plan(polygon(1, AreaType::KeepInPolygon, &ring(200.0, 40)));
+    rig.done(order(AreaPlanMode::Load));
+    rig.send_plan(route);
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
+    rig.run(0.5);
+    assert!(rig.station().has_alert("the vehicle finds the route"));
 }
 
 #[test]
@@ -146,11 +174,6 @@ fn what_makes_no_fence_is_refused_with_the_vertex_and_nothing_goes_aboard() {
 #[test]
 fn sixty_four_vertices_go_aboard_and_one_more_does_not() {
     let mut rig = Rig::ready();
-    let ring = |radius_m: f64, corners: u8| -> Vec<(f64, f64)> {
-        let angle = |n: u8| std::f64::consts::TAU * f64::from(n) / f64::from(corners);
-        let corner = |n| (radius_m * angle(n).cos(), radius_m * angle(n).sin());
-        (0..corners).map(corner).collect()
-    };
     rig.send_plan(polygon(1, AreaType::KeepInPolygon, &ring(500.0, 63)));
     rig.send_plan(vec![circle(2, AreaType::KeepOutCircle, (200.0, 0.0), 20.0)]);
     rig.done(order(AreaPlanMode::Load));

@@ -1,5 +1,7 @@
 //! Uploaded plans and parameters: what the servers of MAVLink's services store takes effect here.
 
+use std::time::Duration;
+
 use mavlink::dialects::development::{MavMissionType, MavSeverity};
 
 use super::state::Vehicle;
@@ -15,7 +17,7 @@ impl Vehicle {
         if self.missions.poll_timeout().is_some_and(|at| at <= now) {
             self.missions.handle_timeout(now);
         }
-        if !self.plan_checked && self.home.is_some() {
+        if !self.plan_checked && self.home.is_some() && self.fence_read_at <= now {
             self.plan_checked = true;
             self.check_plan();
         }
@@ -83,7 +85,10 @@ impl Vehicle {
             ServerEvent::Stored { kind, .. } => {
                 self.counters.plans_stored += 1;
                 if kind == MavMissionType::MAV_MISSION_TYPE_FENCE {
-                    self.fence = Fence::new(self.missions.items(kind), &self.frame);
+                    let items = self.missions.items(kind);
+                    self.fence = Fence::new(items, &self.frame);
+                    let read_in: Duration = items.iter().map(|_| VERTEX_READ_IN).sum();
+                    self.fence_read_at = self.now_duration() + read_in;
                     self.plan_checked = false;
                 }
                 if kind == MavMissionType::MAV_MISSION_TYPE_RALLY {
@@ -113,3 +118,7 @@ impl Vehicle {
         });
     }
 }
+
+/// The navigator reads its fence in two rounds a vertex, at 20 Hz (geofence.cpp, DatamanCache::update). Until it has read all, a
+/// mission is what it was found to be before.
+const VERTEX_READ_IN: Duration = Duration::from_millis(100);

@@ -170,6 +170,8 @@ pub struct Vehicle {
     pub(crate) mission_state: MissionState,
     pub(crate) counters: VehicleCounters,
     pub(crate) fence: Fence,
+    /// When the navigator has read it.
+    pub(crate) fence_read_at: Duration,
     pub(crate) plan_checked: bool,
     pub(crate) navigated: (Mode, bool),
     pub(crate) course: (Guidance, Heading),
@@ -236,6 +238,7 @@ impl Vehicle {
             mission_state: MissionState::MISSION_STATE_NO_MISSION,
             counters: VehicleCounters::default(),
             fence: Fence::default(),
+            fence_read_at: Duration::ZERO,
             plan_checked: false,
             navigated: (Mode::Loiter, false),
             course: (Guidance::Ground, Heading::Hold),

@@ -183,6 +183,7 @@ impl VehicleLink {
         vehicle.measured.note(now, clock, message);
         if let MavMessage::MISSION_CURRENT(_) = message {
             vehicle.progress_boot_ms = vehicle.boot_ms;
+            vehicle.progress_at = Some(now);
         }
         if vehicle.telemetry.mode != mode {
             self.events.push_back(VehicleEvent::ModeChanged);

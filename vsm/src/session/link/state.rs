@@ -24,6 +24,7 @@ pub(crate) struct VehicleState {
     pub(super) silent: bool,
     pub(super) boot_ms: Option<u32>,
     pub(super) progress_boot_ms: Option<u32>,
+    pub(super) progress_at: Option<Duration>,
     pub(super) state_is_newer: bool,
     pub(super) complaint: Option<(Duration, String)>,
     /// When its values were measured.
@@ -41,6 +42,7 @@ impl Default for VehicleState {
             silent: true,
             boot_ms: None,
             progress_boot_ms: None,
+            progress_at: None,
             state_is_newer: true,
             complaint: None,
             measured: Measured::default(),
@@ -109,6 +111,11 @@ impl VehicleState {
     /// The same when it last reported the progress of its mission (MISSION_CURRENT).
     pub(crate) fn progress_boot_ms(&self) -> Option<u32> {
         self.progress_boot_ms
+    }
+
+    /// When its last report of the progress of its mission (MISSION_CURRENT) arrived.
+    pub(crate) fn progress_at(&self) -> Option<Duration> {
+        self.progress_at
     }
 
     /// Whether its mode was reported after the last command that may change it.

@@ -36,6 +36,8 @@ pub(super) struct Fence {
     kept: Kept,
     /// Whether the record on disk says that the vehicle may hold areas of this VSM.
     stored_wanted: bool,
+    /// When the vehicle has read the items that were uploaded last.
+    read_at: Option<Duration>,
     work: Option<Work>,
 }
 
@@ -78,6 +80,7 @@ impl Fence {
             sent: Areas::default(),
             loaded: Areas::default(),
             stored_wanted: false,
+            read_at: None,
             work: None,
         }
     }
@@ -95,6 +98,12 @@ impl Fence {
     /// The id under which the vehicle was read back to hold them.
     pub(super) fn id(&self) -> Option<u32> {
         self.kept.id().filter(|_| !self.busy())
+    }
+
+    /// When the vehicle has read the fence that was uploaded last; `None` if this process has uploaded none. Only then has it
+    /// judged its mission against it, although it reports the fence's id at once.
+    pub(super) fn read_at(&self) -> Option<Duration> {
+        self.read_at
     }
 
     /// Whether a fence is being uploaded.
@@ -344,6 +353,8 @@ impl Fence {
         let aboard = !work.points.is_empty();
         self.kept.wanted = aboard || !self.configured.is_empty();
         self.kept.uploaded(id);
+        let read_within: Duration = work.points.iter().map(|_| READ_WITHIN).sum();
+        self.read_at = Some(context.mono() + read_within + JUDGED_WITHIN);
         // Only after the vehicle has cleared its fence: a failed clearing leaves the areas unchanged.
         if let Some((_, Mode::Clear)) = requester {
             self.sent.clear();
@@ -513,4 +524,9 @@ const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
 const UPLOADED: &str = "the fence is uploaded";
 const NONE_LOADED: &str =
     "no areas are loaded: those that were sent (50016) wait for a load (50017)";
+/// PX4 v1.18 reads a vertex of its fence in two rounds of its navigator, at 20 Hz (geofence.cpp, DatamanCache::update): 40 vertices
+/// have taken it 3 to 4 s. Half as much again.
+const READ_WITHIN: Duration = Duration::from_millis(150);
+/// Then it checks its mission.
+const JUDGED_WITHIN: Duration = Duration::from_secs(1);
 const NOT_STORED: &str = "what the vehicle holds cannot be stored";

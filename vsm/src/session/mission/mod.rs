@@ -287,7 +287,9 @@ impl Mission {
                 fence.look_again(context.mono());
                 rally.look_again(context.mono());
             }
-            Input::Advance => transfers.advance(context, store, progress, effects),
+            Input::Advance => {
+                transfers.advance(context, store, progress, fence.read_at(), effects);
+            }
             Input::WatchProgress => {
                 let uploaded = store.uploaded.as_ref();
                 if let Some(uploaded) = uploaded {

@@ -127,14 +127,15 @@ impl RouteUpload {
         matches!(self.phase, Phase::Site { .. } | Phase::Again { .. })
     }
 
-    /// Starts the next step if possible, and checks pending ones.
+    /// Starts the next step if possible, and checks pending ones. `fence_read_at`: when the vehicle has read its fence, against
+    /// which it judges the route.
     pub(super) fn advance(
         &mut self,
         now: Duration,
         plan: &Plan,
         site: Option<&Site>,
-        state: &VehicleState,
-        vehicle: &mut Services,
+        fence_read_at: Option<Duration>,
+        (state, vehicle): (&VehicleState, &mut Services),
     ) -> Outcome {
         match std::mem::replace(&mut self.phase, Phase::Ended) {
             Phase::Site { deadline } => match self.compile(now < deadline, plan, site) {
@@ -162,8 +163,16 @@ impl RouteUpload {
                 maneuver::Progress::Done => self.send(now, compiled, vehicle),
                 maneuver::Progress::Refused(why) => not_held(&why),
             },
-            Phase::Upload { upload, compiled } => {
-                let mission = state.telemetry.mission;
+            Phase::Upload {
+                mut upload,
+                compiled,
+            } => {
+                let mut mission = state.telemetry.mission;
+                if let Some(at) = fence_read_at {
+                    upload.judged_from(at);
+                    // Until then PX4 reports what it found before, within its former fence.
+                    mission = mission.filter(|_| state.progress_at() >= Some(at));
+                }
                 // PX4 also acknowledges an infeasible plan: only MISSION_STATE_NO_MISSION shows that.
                 let flyable = mission
                     .is_some_and(|mission| mission.state != MissionState::MISSION_STATE_NO_MISSION);

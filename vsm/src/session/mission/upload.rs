@@ -210,6 +210,13 @@ impl Upload {
         }
     }
 
+    /// The vehicle judges the items only from this time on: [`Upload::check`] gives up no earlier than after it.
+    pub(super) fn judged_from(&mut self, at: Duration) {
+        if let Phase::Naming { deadline, .. } = &mut self.phase {
+            *deadline = (*deadline).max(at + NAMED_WITHIN);
+        }
+    }
+
     /// When [`Upload::check`] gives up.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         match self.phase {

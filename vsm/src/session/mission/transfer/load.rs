@@ -1,5 +1,7 @@
 //! A load: which route a 13000 or a mode command loads, its upload, and what is known of the vehicle's mission after it.
 
+use std::time::Duration;
+
 use mapping::altitude::Level;
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
@@ -131,12 +133,13 @@ impl Transfers {
         self.load = Some(Load::of(upload, uploaded.mission_name.clone()));
     }
 
-    /// Lets a load take its next step.
+    /// Lets a load take its next step. `fence_read_at`: when the vehicle has read its fence.
     pub(in crate::session::mission) fn advance(
         &mut self,
         context: &Context<'_>,
         store: &mut MissionStore,
         progress: &mut RouteProgress,
+        fence_read_at: Option<Duration>,
         effects: &mut Effects<'_>,
     ) {
         let Some(Load {
@@ -179,7 +182,7 @@ impl Transfers {
         }
         let held = upload.held;
         let site = site(context);
-        let (state, vehicle) = (context.vehicle, &mut *effects.vehicle);
+        let parts = (context.vehicle, &mut *effects.vehicle);
         // A load that no CUCS requested, for a mode command or after the vehicle lost its mission, flies the stored plan
         // and not an upload in progress.
         let plan = if origin.is_some() {
@@ -187,7 +190,7 @@ impl Transfers {
         } else {
             store.plan()
         };
-        let outcome = upload.advance(now, plan, site.as_ref(), state, vehicle);
+        let outcome = upload.advance(now, plan, site.as_ref(), fence_read_at, parts);
         if upload.held && !held {
             effects.advise(
                 "the vehicle flies its mission: it is put on hold (mode 12, loiter) while another plan is uploaded",
