@@ -9,7 +9,8 @@ use anyhow::{Context as _, anyhow};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::process::{Failure, failed, load, print, runtime, waiting};
+use super::process::{Failure, failed, load, named_store, print, report_line, runtime, waiting};
+use super::status::RUNS_ON;
 use crate::config::Config;
 use crate::session::Logged;
 use crate::session::findings::Finding;
@@ -40,7 +41,11 @@ struct Speaks {
 }
 
 pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
-    let config = load(path)?;
+    let config = match load(path) {
+        Ok(config) => config,
+        Err(Failure::Bad(fault)) => return beside_wrong_file(path, fault, json),
+        Err(other) => return Err(other),
+    };
     let (running, facts) = {
         let longest = LISTEN_FOR.as_secs_f64().max(SETTLED_S);
         let _waiting = waiting(
@@ -61,38 +66,62 @@ pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
             }
         }
     }
-    let logged = running
-        .as_ref()
-        .map_or_else(Vec::new, |running| beside_findings(&running.logged, &found));
+    let standby = facts.standby.as_deref();
+    show(&config.store.dir, running.as_ref(), standby, &found, json)?;
+    if found.is_empty() {
+        return Ok(());
+    }
+    Err(failed(anyhow!("{} found", count(found.len()))))
+}
+
+/// The file is wrong by now, such as after a reload that was refused: a bridge that runs with what it was is shown all the same. This
+/// computer is not looked at, since the file does not say for what. The fault is the last line, and the exit status that of the file.
+fn beside_wrong_file(path: &Path, fault: anyhow::Error, json: bool) -> Result<(), Failure> {
+    // What answers with something else is an agent, whose file was given by mistake.
+    let running = named_store(path).and_then(|store| Some((ask(&store).ok()??, store)));
+    let Some((running, store)) = running else {
+        return Err(Failure::Bad(fault));
+    };
+    report_line(RUNS_ON);
+    show(&store, Some(&running), None, &running.findings, json)?;
+    Err(Failure::Bad(fault))
+}
+
+/// Prints what was found. `standby`: why the node on this store serves nothing.
+fn show(
+    store: &Path,
+    running: Option<&Running>,
+    standby: Option<&str>,
+    found: &[Finding],
+    json: bool,
+) -> Result<(), Failure> {
+    let logged = running.map_or_else(Vec::new, |running| beside_findings(&running.logged, found));
     let speak: Vec<&Speaks> = (running.iter().flat_map(|running| &running.stations))
         .filter(|station| !station.profile.is_empty())
         .collect();
-    let store = config.store.dir.display();
+    let store = store.display();
     if json {
         let report = json!({
             "running": running.is_some(),
-            "standby": facts.standby,
+            "standby": standby,
             "findings": found,
             "logged": logged,
             "profiles": speak,
         });
-        print(&format!("{report}\n"))?;
+        print(&format!("{report}\n"))
     } else {
-        let mut text = match &running {
-            Some(running) => format!(
+        let mut text = match (running, standby) {
+            (Some(running), _) => format!(
                 "VSM {} has run for {:.0} s on the store {store}\n",
                 running.vsm, running.uptime_s
             ),
-            None if facts.standby.is_some() => {
-                let why = facts.standby.as_deref().unwrap_or_default();
-                format!("the node on the store {store} stands by: {why}\n")
-            }
-            None => format!(
+            (None, Some(why)) => format!("the node on the store {store} stands by: {why}\n"),
+            (None, None) => format!(
                 "no bridge answers for the store {store}: only this computer was looked at; while \"vsm run\" runs, this shows \
                  what arrives, too\n"
             ),
         };
-        for finding in &found {
+        for finding in found {
             text += &format!("{finding} [{}]\n", finding.code);
         }
         if found.is_empty() {
@@ -115,12 +144,8 @@ pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
                 station.id
             );
         }
-        print(&text)?;
+        print(&text)
     }
-    if found.is_empty() {
-        return Ok(());
-    }
-    Err(failed(anyhow!("{} found", count(found.len()))))
 }
 
 /// What the log has named of late and is no finding now: who has read the one and asks the other must not doubt either. Each
@@ -150,18 +175,18 @@ fn count(findings: usize) -> String {
 }
 
 async fn look(config: &Config, path: &Path) -> Result<(Option<Running>, HostFacts), Failure> {
-    if ask(config)?.is_none() {
+    if ask(&config.store.dir)?.is_none() {
         let facts = self_check::before_a_start(config, path, LISTEN_FOR).await;
         return Ok((None, facts));
     }
     let mut facts = self_check::beside(config, path, LISTEN_FOR).await;
     let ended = || failed(anyhow!("the bridge has ended meanwhile: look at its log"));
     // After that, so that its times are fresh.
-    let mut running = ask(config)?.ok_or_else(ended)?;
+    let mut running = ask(&config.store.dir)?.ok_or_else(ended)?;
     // A bridge that has just started has not waited long enough to miss anything.
     while running.uptime_s < SETTLED_S {
         tokio::time::sleep(Duration::from_millis(500)).await;
-        running = ask(config)?.ok_or_else(ended)?;
+        running = ask(&config.store.dir)?.ok_or_else(ended)?;
     }
     let configured = config.dli.vsm_id.to_string();
     if running.vsm != configured {
@@ -171,9 +196,8 @@ async fn look(config: &Config, path: &Path) -> Result<(Option<Running>, HostFact
     Ok((Some(running), facts))
 }
 
-fn ask(config: &Config) -> Result<Option<Running>, Failure> {
-    let Ok(text) = status_socket::ask(&config.store.dir, status_socket::STATUS, ANSWER_WITHIN)
-    else {
+fn ask(store: &Path) -> Result<Option<Running>, Failure> {
+    let Ok(text) = status_socket::ask(store, status_socket::STATUS, ANSWER_WITHIN) else {
         return Ok(None);
     };
     let running = serde_json::from_str(&text)

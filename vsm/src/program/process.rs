@@ -1,8 +1,8 @@
 //! Shared by the subcommands: failures, the configuration, the runtime, the log, the signals that end them, and standard output.
 
 use std::ffi::OsString;
-use std::io::{self, IsTerminal as _, Write};
-use std::path::Path;
+use std::io::{self, IsTerminal as _, Read as _, Write};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -16,7 +16,7 @@ use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
 use tracing_subscriber::{EnvFilter, fmt};
 
 use crate::config::airside::AirsideConfig;
-use crate::config::{Config, ForwardLink, LinkAddress};
+use crate::config::{Config, ForwardLink, LinkAddress, open_file};
 use crate::shell::key_file::no_core_files;
 use crate::shell::log_pipe::LogPipe;
 use crate::shell::ownership::{act_as, other_owner};
@@ -52,6 +52,15 @@ pub(crate) fn load(path: &Path) -> Result<Config, Failure> {
     let devices: Vec<&Path> = devices.filter_map(LinkAddress::device).collect();
     act_for(&config.store.dir, &devices)?;
     Ok(config)
+}
+
+/// The store that a configuration names, also where another part of the file is wrong: a running bridge is found by it.
+pub(crate) fn named_store(path: &Path) -> Option<PathBuf> {
+    let mut text = String::new();
+    open_file(path).ok()?.read_to_string(&mut text).ok()?;
+    let table: toml::Table = toml::from_str(&text).ok()?;
+    let dir = table.get("store")?.get("dir")?.as_str()?;
+    Some(path.parent().unwrap_or(Path::new("")).join(dir))
 }
 
 /// The same of an agent.

@@ -1,15 +1,14 @@
 //! `vsm reload`.
 
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 
-use crate::config::{Config, ConfigError, Report, open_file};
+use crate::config::{Config, ConfigError, Report};
 use crate::shell::status_socket;
 
-use super::process::{Failure, bad, failed, print, waiting};
+use super::process::{Failure, bad, failed, named_store, print, waiting};
 use super::status::no_answer;
 
 pub(crate) fn reload(path: &Path, json: bool) -> Result<(), Failure> {
@@ -64,15 +63,7 @@ fn store_of(path: &Path) -> Result<PathBuf, ConfigError> {
         Ok(config) => return Ok(config.store.dir),
         Err(fault) => fault,
     };
-    let mut text = String::new();
-    let read = open_file(path).and_then(|mut file| file.read_to_string(&mut text));
-    if read.is_err() {
-        return Err(fault);
-    }
-    let table: Option<toml::Table> = toml::from_str(&text).ok();
-    let store = table.and_then(|table| Some(table.get("store")?.get("dir")?.as_str()?.to_owned()));
-    let folder = path.parent().unwrap_or(Path::new(""));
-    store.map(|dir| folder.join(dir)).ok_or(fault)
+    named_store(path).ok_or(fault)
 }
 
 /// It reads elevation files, resolves names, opens links and keys, and writes what rights have changed.

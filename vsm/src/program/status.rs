@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::config::Config;
@@ -13,25 +13,49 @@ use anyhow::Context as _;
 use serde_json::{Value, json};
 use stanag_msgs::enums::LoiBitmap;
 
-use super::process::{Failure, bad, failed, load, print, waiting};
+use super::process::{Failure, failed, load, named_store, print, report_line, waiting};
 use super::status_vehicles::{self as vehicles, list};
 pub(super) use super::status_vehicles::{counts, encryption, plain};
 
 /// `only`: of which vehicles; all where there is none.
 pub(crate) fn show(path: &Path, json: bool, only: Option<&VehiclePattern>) -> Result<(), Failure> {
-    let config = Config::load(path).map_err(bad)?;
+    let store = match Config::load(path) {
+        Ok(config) => config.store.dir,
+        Err(fault) => running_store(path, fault.into())?,
+    };
     let Some(only) = only else {
-        return report("vsm", &config.store.dir, json, |status| {
+        return report("vsm", &store, json, |status| {
             readable(status, vehicles::are_many(status))
         });
     };
-    let mut status = parsed("vsm", &asked("vsm", &config.store.dir)?)?;
+    let mut status = parsed("vsm", &asked("vsm", &store)?)?;
     vehicles::narrow(&mut status, only).map_err(failed)?;
     if json {
         return print(&format!("{status}\n"));
     }
     print(&readable(&status, false))
 }
+
+/// The store of the bridge that runs with a configuration whose file is wrong by now, such as after a reload that was refused: what
+/// it reports is needed then more than ever. The fault is a line of standard error.
+fn running_store(path: &Path, fault: anyhow::Error) -> Result<PathBuf, Failure> {
+    let answers = |store: &PathBuf| {
+        let text = status_socket::ask(store, status_socket::STATUS, ANSWER_WITHIN);
+        // No agent, whose file was given by mistake.
+        let status = text.ok().and_then(|text| parsed("vsm", &text).ok());
+        status.is_some_and(|status| status["vsm"].is_string())
+    };
+    let Some(store) = named_store(path).filter(answers) else {
+        return Err(Failure::Bad(fault));
+    };
+    report_line(&format!("vsm: {fault:#}"));
+    report_line(RUNS_ON);
+    Ok(store)
+}
+
+/// Beside the fault of a file that is wrong by now.
+pub(super) const RUNS_ON: &str =
+    "vsm: shown is the running bridge, which keeps the configuration that it has";
 
 /// Prints what the program that runs on a store reports of its state.
 pub(super) fn report(
@@ -134,10 +158,14 @@ fn readable(status: &Value, many: bool) -> String {
 
 /// `vsm guard status`: what of each ground station verifies, and what was refused.
 pub(super) fn show_guards(path: &Path, json: bool) -> Result<(), Failure> {
-    let config = load(path)?;
+    let (store, paired) = match load(path) {
+        Ok(config) => (config.store.dir.clone(), Some(pairings(&config))),
+        Err(Failure::Bad(fault)) => (running_store(path, fault)?, None),
+        Err(other) => return Err(other),
+    };
     let shown = if json { guards_json } else { guards };
-    report("vsm", &config.store.dir, false, |status| {
-        shown(status, &pairings(&config))
+    report("vsm", &store, false, |status| {
+        shown(status, paired.as_ref())
     })
 }
 
@@ -150,9 +178,10 @@ fn pairings(config: &Config) -> BTreeMap<String, String> {
     paired.collect()
 }
 
-fn guards_json(status: &Value, paired: &BTreeMap<String, String>) -> String {
+/// `paired`: none where the configuration cannot be read.
+fn guards_json(status: &Value, paired: Option<&BTreeMap<String, String>>) -> String {
     let of = |one: &Value| {
-        let with = paired.get(one["id"].as_str().unwrap_or_default());
+        let with = paired.and_then(|all| all.get(one["id"].as_str().unwrap_or_default()));
         json!({ "id": one["id"], "address": one["address"], "guard": one["guard"], "paired_with": with })
     };
     let stations: Vec<Value> = list(&status["stations"]).map(of).collect();
@@ -160,7 +189,7 @@ fn guards_json(status: &Value, paired: &BTreeMap<String, String>) -> String {
     json!({ "stations": stations, "refused": refused }).to_string() + "\n"
 }
 
-fn guards(status: &Value, paired: &BTreeMap<String, String>) -> String {
+fn guards(status: &Value, paired: Option<&BTreeMap<String, String>>) -> String {
     let mut text = String::new();
     for station in list(&status["stations"]) {
         let address = station["address"].as_str();
@@ -169,12 +198,15 @@ fn guards(status: &Value, paired: &BTreeMap<String, String>) -> String {
         let one = &station["guard"];
         text += &match one["verified"].as_u64() {
             Some(count) => {
-                let with = paired.get(station["id"].as_str().unwrap_or_default());
-                let with = with.map_or_else(
-                    || "not paired: its key was copied by hand".to_owned(),
-                    |print| format!("paired with the guard of fingerprint {print}"),
-                );
-                guard(one) + &format!("  {with}\n  verified datagrams: {count}\n")
+                let id = station["id"].as_str().unwrap_or_default();
+                let with = match paired.map(|all| all.get(id)) {
+                    Some(Some(print)) => {
+                        format!("  paired with the guard of fingerprint {print}\n")
+                    }
+                    Some(None) => "  not paired: its key was copied by hand\n".to_owned(),
+                    None => String::new(),
+                };
+                guard(one) + &format!("{with}  verified datagrams: {count}\n")
             }
             None => "  NO GUARD: it is whoever writes its id\n".to_owned(),
         };

@@ -392,6 +392,41 @@ fn a_revoked_guard_key_ends_though_the_file_is_refused_and_the_refusal_stays_in_
     world.until("the refusal is over", |status| !is_found(status));
 }
 
+#[test]
+fn a_file_that_is_wrong_by_now_hides_no_running_bridge() {
+    let mut world = World::new();
+    world.write(&text(world.ports, 1).replace("loi = [2, 3, 4, 5]", "loi = [9]"));
+    assert_eq!(world.reload().1, Some(2));
+    let is_found = |report: &Value| report["findings"].to_string().contains("\"reload\"");
+    world.until("the refusal is found", is_found);
+    let config = world.config();
+    let printed = |words: &[&str]| {
+        let mut vsm = Command::new(program("vsm"));
+        let output = vsm.args(words).arg(&config).output();
+        let output = output.expect("it runs");
+        let faults = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(faults.contains("2 to 5"), "{words:?}: {faults}");
+        (
+            output.status.code(),
+            String::from_utf8_lossy(&output.stdout).into_owned(),
+        )
+    };
+    for words in [&["status"][..], &["guard", "status"]] {
+        let (code, text) = printed(words);
+        assert_eq!(code, Some(0), "{words:?}");
+        assert!(text.contains("CUCS 1b:00:00:a0"), "{words:?}: {text}");
+    }
+    let (code, text) = printed(&["doctor"]);
+    assert_eq!(code, Some(2));
+    assert!(text.contains("the last reload was refused"), "{text}");
+    // Without a bridge there is the fault alone.
+    world.bridge.kill();
+    for words in [&["status"][..], &["guard", "status"], &["doctor"]] {
+        let (code, text) = printed(words);
+        assert_eq!((code, text.as_str()), (Some(2), ""), "{words:?}");
+    }
+}
+
 /// The old key must not stay in force unseen where nobody reloads.
 #[test]
 fn a_guard_key_that_was_revoked_and_not_reloaded_is_a_finding() {
