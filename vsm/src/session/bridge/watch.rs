@@ -68,6 +68,15 @@ impl Bridge {
     /// The configuration was to be applied: why it was not, or `None` where it is in force.
     pub fn note_reload(&mut self, refused: Option<&str>) {
         self.checks.reload = refused.map(findings::reload);
+        self.checks.key_files.read_again();
+        // The status names nothing that is over until the next look: a script asks for it right after the reload.
+        let files = self.checks.key_files.standing();
+        self.checks.found.retain(|one| match one.code {
+            Code::Reload => false,
+            Code::KeyFile => files.contains(one),
+            _ => true,
+        });
+        self.checks.found.extend(self.checks.reload.clone());
     }
 
     /// Findings that concern no single vehicle.

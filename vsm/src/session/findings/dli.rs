@@ -13,6 +13,7 @@ use stanag_msgs::{Id, ed25};
 
 use super::{Code, Finding, key_of};
 use crate::config::{Checksum, Edition};
+use crate::session::guard::GuardRefusal;
 use crate::session::station::EDITION_CHANGES_AFTER;
 
 /// Why a frame or a datagram could not be used.
@@ -375,6 +376,22 @@ fn span(off: Duration) -> String {
     }
 }
 
+/// `why`: the counter.
+fn guard_cure(why: &str) -> &'static str {
+    let is = |reason: GuardRefusal| why == reason.name();
+    if is(GuardRefusal::Disk) {
+        "this computer's disk is full or slow, and its guard is at no fault: make room in the store, or give it a faster disk"
+    } else if is(GuardRefusal::Ahead) {
+        "set the clock of this computer and that of the guard: they may differ by an hour at most"
+    } else if is(GuardRefusal::Old) || is(GuardRefusal::Late) {
+        "if it lasts, see that this VSM's answers reach the guard, and that the clock of its computer has not been set back; if both is \
+         so, somebody sends recordings in its name"
+    } else {
+        "have it send through `vsm guard`, of the version of this VSM and with the key file that its [[cucs]] names; if \
+         it does, somebody else writes in its name"
+    }
+}
+
 fn finding(one: &Seen) -> Finding {
     let ip = one.from.ip();
     let of_ip = match ip {
@@ -424,8 +441,7 @@ fn finding(one: &Seen) -> Finding {
             id,
             why,
             format!("has a guard, and datagrams in its name from {ip} are dropped ({why})"),
-            "have it send through `vsm guard`, of the version of this VSM and with the key file that its [[cucs]] names; if \
-             it does, somebody else writes in its name",
+            guard_cure(why),
         ),
         Fault::WebDatagram(id, why) => of_key(
             id,
@@ -598,6 +614,25 @@ mod tests {
         let mut found = vec![];
         evidence.judge(Duration::ZERO, None, &mut found);
         assert_eq!(found.len(), 2 * reasons.len());
+    }
+
+    #[test]
+    fn a_disk_and_a_clock_are_no_stranger_in_the_name_of_a_cucs() {
+        for (why, words) in [
+            (GuardRefusal::Disk, "make room in the store"),
+            (GuardRefusal::Ahead, "set the clock"),
+            (GuardRefusal::Old, "has not been set back"),
+            (GuardRefusal::Forged, "somebody else writes in its name"),
+        ] {
+            let mut evidence = DliEvidence::default();
+            evidence.note(Duration::ZERO, address(1), Fault::Guard(CUCS, why.name()));
+            let mut found = vec![];
+            evidence.judge(Duration::ZERO, None, &mut found);
+            let [finding] = &found[..] else {
+                panic!("{found:?}");
+            };
+            assert!(finding.cure.contains(words), "{finding}");
+        }
     }
 
     /// What is found where this datagram arrives so often.

@@ -255,6 +255,14 @@ impl KeyFiles {
         self.latest = faults;
     }
 
+    /// A reload has read the files again: none waits for one any more.
+    pub(crate) fn read_again(&mut self) {
+        let waited = self.latest.iter().filter(|one| one.reload);
+        let over: Vec<Finding> = waited.map(key_file).collect();
+        self.standing.retain(|one| !over.contains(one));
+        self.latest.retain(|one| !one.reload);
+    }
+
     /// What does not work: what two looks in a row have found, the first few of it. `vsm doctor` lists all.
     pub(crate) fn standing(&self) -> &[Finding] {
         &self.standing
@@ -276,6 +284,25 @@ mod tests {
             ..HostFacts::default()
         };
         assert_eq!(judge(&facts), []);
+    }
+
+    #[test]
+    fn a_key_file_that_waits_for_a_reload_does_so_no_longer_after_one() {
+        let mut files = KeyFiles::default();
+        let faults = [true, false].map(|reload| KeyFault {
+            whose: "CUCS 1b:00:00:a0".to_owned(),
+            why: format!("{reload}"),
+            reload,
+        });
+        for _ in 0..2 {
+            files.note(faults.clone().into());
+        }
+        assert_eq!(files.standing().len(), 2);
+        files.read_again();
+        assert_eq!(files.standing(), [key_file(&faults[1])]);
+        // Where it has another fault, two looks find that one.
+        files.note(faults.into());
+        assert_eq!(files.standing().len(), 1);
     }
 
     #[test]

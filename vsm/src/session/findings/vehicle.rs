@@ -129,6 +129,8 @@ pub(crate) struct Evidence<'a> {
     pub(crate) other: Option<u8>,
     /// Other vehicles have the same link.
     pub(crate) shared: bool,
+    /// The link is encrypted: what its agent sends of its own is no MAVLink.
+    pub(crate) encrypted: bool,
     /// When a frame was last accepted.
     pub(crate) accepted: Option<Duration>,
     /// How old the newest frame of ours is that was answered.
@@ -265,6 +267,11 @@ fn refused_finding(evidence: &Evidence<'_>, kind: Kind) -> Finding {
 fn nothing_finding(evidence: &Evidence<'_>) -> Finding {
     let link = evidence.address;
     let cure = match link {
+        _ if evidence.encrypted => {
+            "see in vsm status whether the encrypted link is encrypted or agreeing: then the agent is reached, and lacks PX4's MAVLink, or \
+             the key of it (vsm airside status); else check the link to the agent"
+                .to_owned()
+        }
         LinkAddress::UdpIn(at) => format!(
             "have the vehicle send to this computer, port {} (PX4: \"mavlink start -u PORT -t ADDRESS -o {}\"); check a firewall; \
              a vehicle that waits itself needs link = \"udpout:HOST:PORT\"",
@@ -355,6 +362,7 @@ mod tests {
             arrivals: &arrivals,
             other: Some(1),
             shared: false,
+            encrypted: false,
             accepted: accepted.map(seconds),
             unanswered: None,
         })
@@ -421,6 +429,7 @@ mod tests {
                     arrivals: &arrivals,
                     other: None,
                     shared: false,
+                    encrypted: false,
                     accepted: Some(seconds(at.min(20))),
                     unanswered: None,
                 };

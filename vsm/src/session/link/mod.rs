@@ -579,6 +579,7 @@ impl VehicleLink {
             arrivals: &self.arrivals,
             other,
             shared,
+            encrypted: config.encrypt,
             accepted: self.link.accepted_at(),
             unanswered: self.link.unanswered(mono),
         }

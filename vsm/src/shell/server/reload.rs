@@ -108,7 +108,12 @@ pub(super) async fn serve(
 fn refusal(path: &Path, report: &Report) -> Option<String> {
     let why = report.refused.as_ref()?;
     let kept: String = report.kept.iter().map(|one| format!("; {one}")).collect();
-    let text = format!("{}: {why}{kept}", path.display());
+    let path = path.display().to_string();
+    // The fault of a file names it already.
+    let text = match why.starts_with(&path) {
+        true => format!("{why}{kept}"),
+        false => format!("{path}: {why}{kept}"),
+    };
     Some(one_line(&text).into_owned())
 }
 
