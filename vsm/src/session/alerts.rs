@@ -54,6 +54,8 @@ pub(crate) enum Cause {
     AltitudeBand,
     /// The geofence aboard is not the loaded one.
     Fence,
+    /// The vehicle finds the route aboard infeasible within its fence.
+    Infeasible,
     /// The rally points aboard are not those of the configuration.
     Rally,
     /// The vehicle's RTL_TYPE ignores the rally points.

@@ -129,6 +129,37 @@ fn a_route_aboard_that_is_loaded_again_under_a_tighter_fence_is_refused() {
 }
 
 #[test]
+fn a_route_aboard_that_a_tighter_fence_makes_infeasible_is_an_alert_until_it_is_none() {
+    let mut rig = Rig::ready();
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 80.0, 0.0, 20.0).into(),
+        orders::waypoint(2, 0, 250.0, 0.0, 20.0).into(),
+    ]);
+    rig.done(orders::load());
+    let fence = |rig: &mut Rig, radius_m| {
+        rig.send_plan(vec![circle(
+            1,
+            AreaType::KeepInCircle,
+            (0.0, 0.0),
+            radius_m,
+        )]);
+        rig.done(order(AreaPlanMode::Load));
+        rig.run(5.0);
+    };
+    let infeasible = "finds the route aboard infeasible within its fence";
+    fence(&mut rig, 500.0);
+    assert!(!rig.station().has_alert(infeasible));
+    fence(&mut rig, 200.0);
+    assert!(rig.station().has_alert(infeasible));
+    fence(&mut rig, 500.0);
+    assert!(
+        rig.station()
+            .has_alert("finds no route aboard infeasible any more")
+    );
+}
+
+#[test]
 fn what_makes_no_fence_is_refused_with_the_vertex_and_nothing_goes_aboard() {
     let mut rig = Rig::ready();
     let mut areas = polygon(7, AreaType::KeepInPolygon, &SQUARE);
@@ -339,6 +370,9 @@ fn a_fence_that_another_station_takes_away_is_warned_of_until_it_is_back() {
     assert!(rig.until(5.0, |rig| {
         rig.station().has_alert("is not the loaded one")
     }));
+    downloaded(&mut rig);
+    rig.run(0.1);
+    assert!(rig.station().has_alert(NOT_REPORTED));
     rig.done(order(AreaPlanMode::Load));
     assert!(rig.until(5.0, |rig| rig.station().has_alert("the fence is uploaded")));
 }

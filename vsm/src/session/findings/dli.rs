@@ -382,7 +382,8 @@ fn guard_cure(why: &str) -> &'static str {
     if is(GuardRefusal::Disk) {
         "this computer's disk is full or slow, and its guard is at no fault: make room in the store, or give it a faster disk"
     } else if is(GuardRefusal::Ahead) {
-        "set the clock of this computer and that of the guard: they may differ by an hour at most"
+        "if it lasts, set the clocks of this computer and of the guard's, and update both; if that is done, somebody sends recordings in its \
+         name"
     } else if is(GuardRefusal::Old) || is(GuardRefusal::Late) {
         "if it lasts, see that this VSM's answers reach the guard, and that the clock of its computer has not been set back; if both is \
          so, somebody sends recordings in its name"

@@ -9,6 +9,7 @@
 use std::time::Duration;
 
 use mapping::area::{self, Area, AreaError, Areas, FencePoint};
+use mavlink_link::dialect::MissionState;
 use mavlink_link::service::mission::{self, Item, MavMissionType, plan_id};
 use mavlink_link::store::{Store as _, StoreError};
 use serde::{Deserialize, Serialize};
@@ -18,7 +19,7 @@ use stanag_msgs::{Id, Message};
 
 use super::input::Context;
 use super::kept::{Kept, Seen};
-use super::record::{decode_messages, encode_messages};
+use super::record::{UploadedMission, decode_messages, encode_messages};
 use super::upload::{Fault, Progress, Upload};
 use crate::session::alerts::Cause;
 use crate::session::context::Origin;
@@ -310,6 +311,40 @@ impl Fence {
                 effects.warn(Cause::Fence, text);
             }
             Seen::Same => effects.clear(Cause::Fence, UPLOADED),
+        }
+    }
+
+    /// Whether the vehicle would fly the route aboard within the fence that was uploaded last: PX4 flies none that it finds
+    /// infeasible, and reports that by MISSION_CURRENT alone.
+    pub(super) fn watch_route(
+        &self,
+        context: &Context<'_>,
+        route: Option<&UploadedMission>,
+        effects: &mut Effects<'_>,
+    ) {
+        let vehicle = context.vehicle;
+        let is_judged = self
+            .read_at
+            .is_some_and(|at| vehicle.progress_at() >= Some(at));
+        // After a restart of its own the vehicle judges its mission once it has a home and a position.
+        let is_placed = vehicle
+            .telemetry
+            .home
+            .and(vehicle.telemetry.position)
+            .is_some();
+        let (true, Some(mission)) = (is_judged && is_placed, vehicle.telemetry.mission) else {
+            return;
+        };
+        let is_aboard = route.is_some_and(|route| route.mission_id == mission.mission_id);
+        let is_infeasible =
+            mission.total.is_some() && mission.state == MissionState::MISSION_STATE_NO_MISSION;
+        if is_aboard && is_infeasible {
+            let text = "the vehicle finds the route aboard infeasible within its fence, and does not fly it: load another route, or \
+                        other areas";
+            effects.warn(Cause::Infeasible, text);
+        } else {
+            let text = "the vehicle finds no route aboard infeasible any more";
+            effects.clear(Cause::Infeasible, text);
         }
     }
 

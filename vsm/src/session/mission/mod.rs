@@ -300,6 +300,9 @@ impl Mission {
                 watchdog.watch(context, uploaded, transferring, effects);
                 descent.watch(context, uploaded, transferring, effects);
                 band.watch(context, uploaded, transferring, effects);
+                if !transferring && !fence.busy() {
+                    fence.watch_route(context, uploaded, effects);
+                }
             }
             Input::CompareWithVehicle => {
                 let uploaded = store.uploaded.as_ref();
