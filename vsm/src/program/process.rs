@@ -1,5 +1,6 @@
 //! Shared by the subcommands: failures, the configuration, the runtime, the log, the signals that end them, and standard output.
 
+use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::{self, IsTerminal as _, Read as _, Write};
 use std::path::{Path, PathBuf};
@@ -184,8 +185,9 @@ pub(crate) fn announce(level: &str, line: &str) {
     } else {
         format!("vsm: {line}")
     };
+    let line = for_reader(&line, io::stderr().is_terminal()).into_owned() + "\n";
     // Nobody is left to report to when standard error is gone.
-    let _ = io::stderr().write_all((line + "\n").as_bytes());
+    let _ = io::stderr().write_all(line.as_bytes());
 }
 
 /// RUST_LOG as it was meant.
@@ -223,12 +225,40 @@ impl Drop for Log {
 
 /// Writes a whole report.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
-    io::stdout().write_all(text.as_bytes()).map_err(failed)
+    let shown = for_reader(text, io::stdout().is_terminal());
+    io::stdout().write_all(shown.as_bytes()).map_err(failed)
+}
+
+/// What a terminal may be sent: no text of a file, station or vehicle commands it.
+fn for_reader(text: &str, terminal: bool) -> Cow<'_, str> {
+    if terminal {
+        escaped(text, &['\n', '\t'])
+    } else {
+        Cow::Borrowed(text)
+    }
+}
+
+/// A text with its control characters escaped, other than these.
+pub(crate) fn escaped<'a>(text: &'a str, allowed: &[char]) -> Cow<'a, str> {
+    let acts = |one: char| one.is_control() && !allowed.contains(&one);
+    if !text.contains(acts) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len());
+    for one in text.chars() {
+        if acts(one) {
+            shown.extend(one.escape_default());
+        } else {
+            shown.push(one);
+        }
+    }
+    Cow::Owned(shown)
 }
 
 /// Writes a line on the way.
 pub(crate) fn print_line(line: &str) {
     // Nobody is left to report to when standard output is gone.
+    let line = for_reader(line, io::stdout().is_terminal());
     let _ = writeln!(io::stdout(), "{line}");
 }
 
@@ -253,6 +283,7 @@ pub(crate) fn waiting(what: &str, within: Duration) -> Waiting {
 
 /// Writes a line on the way to standard error: what a command waits for is no result.
 pub(crate) fn report_line(line: &str) {
+    let line = for_reader(line, io::stderr().is_terminal());
     // Nobody is left to report to when standard error is gone.
     let _ = writeln!(io::stderr(), "{line}");
 }
@@ -279,6 +310,15 @@ mod tests {
             assert!(fault.contains(named), "{fault}");
             assert!(fault.contains("expected off, error, warn"), "{fault}");
         }
+    }
+
+    #[test]
+    fn no_text_commands_a_terminal() {
+        let text = "fault\u{1b}[2J\r\u{9b}1m\tend\n";
+        let shown = for_reader(text, true);
+        assert_eq!(shown, "fault\\u{1b}[2J\\r\\u{9b}1m\tend\n");
+        assert_eq!(for_reader(text, false), text);
+        assert_eq!(escaped("a\nb", &[]), "a\\nb");
     }
 
     #[test]

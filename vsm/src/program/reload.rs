@@ -8,11 +8,12 @@ use anyhow::{Context as _, anyhow};
 use crate::config::{Config, ConfigError, Report};
 use crate::shell::status_socket;
 
-use super::process::{Failure, bad, failed, named_store, print, waiting};
+use super::process::{Failure, act_for, bad, failed, named_store, print, waiting};
 use super::status::no_answer;
 
 pub(crate) fn reload(path: &Path, json: bool) -> Result<(), Failure> {
     let store = store_of(path).map_err(bad)?;
+    act_for(&store, &[])?;
     let asked = {
         let _waiting = waiting("the bridge to apply the file", ANSWER_WITHIN);
         status_socket::ask(&store, status_socket::RELOAD, ANSWER_WITHIN)

@@ -13,14 +13,16 @@ use anyhow::Context as _;
 use serde_json::{Value, json};
 use stanag_msgs::enums::LoiBitmap;
 
-use super::process::{Failure, failed, load, named_store, print, report_line, waiting};
+use super::process::{
+    Failure, act_for, escaped, failed, load, named_store, print, report_line, waiting,
+};
 use super::status_vehicles::{self as vehicles, list};
 pub(super) use super::status_vehicles::{counts, encryption, plain};
 
 /// `only`: of which vehicles; all where there is none.
 pub(crate) fn show(path: &Path, json: bool, only: Option<&VehiclePattern>) -> Result<(), Failure> {
     let store = match Config::load(path) {
-        Ok(config) => config.store.dir,
+        Ok(_) => load(path)?.store.dir,
         Err(fault) => running_store(path, fault.into())?,
     };
     let Some(only) = only else {
@@ -33,7 +35,7 @@ pub(crate) fn show(path: &Path, json: bool, only: Option<&VehiclePattern>) -> Re
     if json {
         return print(&format!("{status}\n"));
     }
-    print(&readable(&status, false))
+    print(&readable(&visible(status), false))
 }
 
 /// The store of the bridge that runs with a configuration whose file is wrong by now, such as after a reload that was refused: what
@@ -45,7 +47,11 @@ fn running_store(path: &Path, fault: anyhow::Error) -> Result<PathBuf, Failure> 
         let status = text.ok().and_then(|text| parsed("vsm", &text).ok());
         status.is_some_and(|status| status["vsm"].is_string())
     };
-    let Some(store) = named_store(path).filter(answers) else {
+    let named = named_store(path);
+    if let Some(store) = &named {
+        act_for(store, &[])?;
+    }
+    let Some(store) = named.filter(answers) else {
         return Err(Failure::Bad(fault));
     };
     report_line(&format!("vsm: {fault:#}"));
@@ -68,7 +74,7 @@ pub(super) fn report(
     if json {
         return print(&(text + "\n"));
     }
-    print(&readable(&parsed(who, &text)?))
+    print(&readable(&visible(parsed(who, &text)?)))
 }
 
 fn asked(who: &str, store: &Path) -> Result<String, Failure> {
@@ -81,6 +87,20 @@ fn parsed(who: &str, text: &str) -> Result<Value, Failure> {
     serde_json::from_str(text)
         .with_context(|| format!("the running {who} answers with something else"))
         .map_err(failed)
+}
+
+/// The same with the control characters of its texts escaped: some come from stations and vehicles, and none may end a line or
+/// command the terminal.
+fn visible(value: Value) -> Value {
+    match value {
+        Value::String(text) => Value::String(escaped(&text, &[]).into_owned()),
+        Value::Array(all) => all.into_iter().map(visible).collect(),
+        Value::Object(all) => all
+            .into_iter()
+            .map(|(name, value)| (escaped(&name, &[]).into_owned(), visible(value)))
+            .collect(),
+        other => other,
+    }
 }
 
 const ANSWER_WITHIN: Duration = Duration::from_secs(3);

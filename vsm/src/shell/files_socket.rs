@@ -117,12 +117,19 @@ impl Asker {
     /// An error of the system, or an invalid answer.
     pub fn receive(&mut self) -> io::Result<Option<(Reply, Vec<u8>)>> {
         let mut line = String::new();
-        if self.0.read_line(&mut line)? == 0 {
+        // A line that the bound cuts off is no JSON.
+        if (&mut self.0).take(MAX_LINE_BYTES).read_line(&mut line)? == 0 {
             return Ok(None);
         }
         let reply: Reply = serde_json::from_str(&line)?;
         let mut bytes = Vec::new();
         if let Reply::Data(length) = reply {
+            if length > MAX_DATA_BYTES {
+                let problem = format!(
+                    "the bridge announces {length} bytes in one piece, expected at most {MAX_DATA_BYTES}"
+                );
+                return Err(io::Error::new(io::ErrorKind::InvalidData, problem));
+            }
             bytes.resize(length, 0);
             self.0.read_exact(&mut bytes)?;
         }
@@ -134,6 +141,11 @@ impl Asker {
         let _ = self.0.into_inner().shutdown(Shutdown::Both);
     }
 }
+
+/// Whoever owns the store answers, perhaps to root, whose memory is not its to fill: more than the listing of a folder.
+const MAX_LINE_BYTES: u64 = 16 << 20;
+/// Far more than PX4 sends in one message.
+const MAX_DATA_BYTES: usize = 1 << 20;
 
 /// The longest silence during an operation: the checksum of a large file.
 pub const ANSWER_WITHIN: Duration = Duration::from_secs(300);

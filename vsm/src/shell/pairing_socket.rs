@@ -94,14 +94,25 @@ pub fn ask(store: &Path, request: &str, mut show: impl FnMut(&str)) -> io::Resul
     let mut stream = BlockingStream::connect(path(store))?;
     let line = Zeroizing::new(format!("{request}\n"));
     stream.write_all(line.as_bytes())?;
-    for line in BufReader::new(stream).lines() {
-        show(&Zeroizing::new(line?));
+    let mut answer = BufReader::new(stream);
+    loop {
+        let mut line = Zeroizing::new(String::new());
+        // Whoever owns the store answers, perhaps to root, whose memory is not its to fill.
+        if io::Read::take(&mut answer, MAX_SHOWN).read_line(&mut line)? == 0 {
+            return Ok(());
+        }
+        if !line.ends_with('\n') && line.len() as u64 >= MAX_SHOWN {
+            let problem = format!("a line of its answer has more than {MAX_SHOWN} bytes");
+            return Err(io::Error::new(io::ErrorKind::InvalidData, problem));
+        }
+        show(line.trim_end_matches(['\r', '\n']));
     }
-    Ok(())
 }
 
 /// Longer than a code with its hyphens.
 const LINE: u64 = 256;
+/// Longer than any line that is shown.
+const MAX_SHOWN: u64 = 65_536;
 /// Time limit for each line: a client that does not read blocks the agent for at most this long. (A socket buffers thousands
 /// of lines.)
 const TELL_WITHIN: Duration = Duration::from_millis(100);
@@ -109,6 +120,23 @@ const TELL_WITHIN: Duration = Duration::from_millis(100);
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lines_are_shown_one_by_one_and_an_endless_one_ends_at_the_bound() {
+        let folder = tempfile::tempdir().unwrap();
+        let listener = std::os::unix::net::UnixListener::bind(path(folder.path())).unwrap();
+        let server = std::thread::spawn(move || {
+            let (mut client, _) = listener.accept().unwrap();
+            std::io::Write::write_all(&mut client, b"one\ntwo\n").unwrap();
+            while std::io::Write::write_all(&mut client, &[b'x'; 4_096]).is_ok() {}
+        });
+        let mut shown = Vec::new();
+        let refused = ask(folder.path(), "pair", |line| shown.push(line.to_owned()));
+        server.join().unwrap();
+        assert_eq!(shown, ["one", "two"]);
+        let refused = refused.unwrap_err().to_string();
+        assert!(refused.contains("more than 65536 bytes"), "{refused}");
+    }
 
     #[tokio::test(start_paused = true)]
     async fn an_asker_that_does_not_read_holds_nobody_up_for_long() {
