@@ -10,13 +10,13 @@ use clap::{Args, Subcommand};
 use mavlink_link::signing::KeyId;
 use stanag_msgs::Id;
 
-use super::process::{Failure, bad, failed, print};
+use super::process::{Failure, act_for, bad, failed, print};
 use crate::config::open_file;
 use crate::session::{
     AccessEntry, AccessGroup, AccessKey, AccessList, MAX_LIST_BYTES, parse_until,
 };
-use crate::shell::disk::{NativeFileSystem, replace};
-use crate::shell::key_file;
+use crate::shell::disk::{NativeFileSystem, folder_of, replace};
+use crate::shell::{key_file, ownership};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Action {
@@ -96,9 +96,28 @@ fn key_id(text: &str) -> Result<KeyId, String> {
     KeyId::parse(text).ok_or_else(|| "expected the 16 hex digits of a key's id".to_owned())
 }
 
+impl Action {
+    /// The list, and the key that is used with it.
+    fn files(&self) -> (&Path, Option<&Path>) {
+        match self {
+            Action::List { file, key_file } => (file, key_file.as_deref()),
+            Action::Grant(grant) => (&grant.file, None),
+            Action::Revoke { file, .. } => (file, None),
+            Action::Sign { file, key_file, .. } => (file, Some(key_file)),
+        }
+    }
+}
+
 pub(crate) fn run(action: Action) -> Result<(), Failure> {
+    let (file, key) = action.files();
+    // A key of root's own is read before root acts as the list's owner, who cannot read it.
+    let key = key.map(|path| (path, key_file::read(path)));
+    act_for(folder_of(file), &[])?;
+    let key = key.map(|(path, read)| read.or_else(|_| key_file::read(path)));
+    let key = key.transpose().map_err(bad)?;
+    let key = key.map(|key| AccessKey::new(&key));
     match action {
-        Action::List { file, key_file } => show(&file, key_file.as_deref()),
+        Action::List { file, .. } => show(&file, key.as_ref()),
         Action::Grant(grant) => grant.run(),
         Action::Revoke {
             file,
@@ -122,11 +141,10 @@ pub(crate) fn run(action: Action) -> Result<(), Failure> {
             }
             drafted(&file, &list, &format!("{gone} entries taken out"))
         }
-        Action::Sign {
-            file,
-            key_file,
-            version,
-        } => sign(&file, &key_file, version),
+        Action::Sign { file, version, .. } => {
+            let key = key.ok_or_else(|| failed(anyhow!("no --key-file")))?;
+            sign(&file, &key, version)
+        }
     }
 }
 
@@ -167,9 +185,8 @@ fn drafted(file: &Path, list: &AccessList, what: &str) -> Result<(), Failure> {
     ))
 }
 
-fn sign(file: &Path, key: &Path, version: Option<u64>) -> Result<(), Failure> {
+fn sign(file: &Path, key: &AccessKey, version: Option<u64>) -> Result<(), Failure> {
     let (_, mut list) = read(file)?;
-    let key = AccessKey::new(&key_file::read(key).map_err(bad)?);
     let before = list.version();
     let version = match version {
         Some(version) if version <= before => {
@@ -187,7 +204,7 @@ fn sign(file: &Path, key: &Path, version: Option<u64>) -> Result<(), Failure> {
             ))
         })?,
     };
-    let text = list.signed(version, &key);
+    let text = list.signed(version, key);
     write(file, &text)?;
     let (file, count, id) = (file.display(), list.entries().len(), key.id());
     print(&format!(
@@ -196,12 +213,11 @@ fn sign(file: &Path, key: &Path, version: Option<u64>) -> Result<(), Failure> {
     ))
 }
 
-fn show(file: &Path, key: Option<&Path>) -> Result<(), Failure> {
+fn show(file: &Path, key: Option<&AccessKey>) -> Result<(), Failure> {
     let (bytes, list) = read(file)?;
     let signed = match key {
         Some(key) => {
-            let key = AccessKey::new(&key_file::read(key).map_err(bad)?);
-            let verified = AccessList::verified(&bytes, &key, list.vsm());
+            let verified = AccessList::verified(&bytes, key, list.vsm());
             verified
                 .with_context(|| file.display().to_string())
                 .map_err(failed)?;
@@ -225,6 +241,7 @@ fn show(file: &Path, key: Option<&Path>) -> Result<(), Failure> {
 fn read(path: &Path) -> Result<(Vec<u8>, AccessList), Failure> {
     let mut bytes = Vec::new();
     let read = open_file(path).and_then(|file| {
+        ownership::check_readable(&file.metadata()?, path)?;
         let most = MAX_LIST_BYTES as u64 + 1;
         file.take(most).read_to_end(&mut bytes)
     });

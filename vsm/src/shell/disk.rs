@@ -372,7 +372,8 @@ impl Disk for ReadOnlyDisk {
 
 /// The steps of writing and reading a file.
 pub trait FileSystem: fmt::Debug + Send + Sync {
-    /// Writes a new file, mode 0600, replacing any file with its name.
+    /// Writes a new file, mode 0600, replacing any file with its name. Where root writes, the file is handed to whom it belongs
+    /// where it will be: see `shell::ownership`.
     ///
     /// # Errors
     /// The system's; part of the bytes may have been written.
@@ -458,12 +459,13 @@ impl FileSystem for NativeFileSystem {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         // An existing file may have another mode or owner, or be a link.
         self.remove(path)?;
-        OpenOptions::new()
+        let mut file = OpenOptions::new()
             .write(true)
             .create_new(true)
             .mode(0o600)
-            .open(path)?
-            .write_all(bytes)
+            .open(path)?;
+        ownership::keep_owner(&file, &place_of(path))?;
+        file.write_all(bytes)
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
@@ -505,7 +507,6 @@ pub fn replace(system: &dyn FileSystem, path: &Path, bytes: &[u8], power: bool) 
     let beside = &beside(path);
     let written = system
         .write(beside, bytes)
-        .and_then(|()| ownership::keep_owner(beside, path))
         // Before the rename: otherwise a power cut could leave the new name on an empty file.
         .and_then(|()| if power { system.sync(beside) } else { Ok(()) })
         .and_then(|()| system.rename(beside, path));
@@ -531,7 +532,6 @@ pub fn create(path: &Path, bytes: &[u8]) -> io::Result<()> {
     // A hard link, not a rename: a rename would replace an existing file.
     let made = system
         .write(beside, bytes)
-        .and_then(|()| ownership::keep_owner(beside, path))
         .and_then(|()| system.sync(beside))
         .and_then(|()| fs::hard_link(beside, path));
     let removed = system.remove(beside);
@@ -616,6 +616,14 @@ fn beside(path: &Path) -> PathBuf {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".new");
     PathBuf::from(beside)
+}
+
+/// Where a file is put once it is written: `uav1.key` for `uav1.key.new`.
+fn place_of(written: &Path) -> PathBuf {
+    match written.extension() {
+        Some(last) if last == "new" => written.with_extension(""),
+        _ => written.to_owned(),
+    }
 }
 
 /// Locks a file for this process, until it is closed. False where another process has it.

@@ -77,7 +77,7 @@ pub(super) fn put_in_force(
         Ok(old) => {
             write(system, &previous(path), &old)?;
             // Who may read the key must be able to read this one too.
-            ownership::keep_owner(&previous(path), path).map_err(|cause| io_fault(path, cause))?;
+            ownership::share_owner(&previous(path), path).map_err(|cause| io_fault(path, cause))?;
         }
         Err(KeyFileError::Absent { .. }) => {}
         Err(fault) => return Err(fault),

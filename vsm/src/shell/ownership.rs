@@ -109,7 +109,7 @@ pub(super) fn check_file(file: &File, path: &Path) -> Result<(), OwnershipError>
 ///
 /// # Errors
 /// It may not.
-pub(super) fn check_readable(about: &Metadata, path: &Path) -> Result<(), OwnershipError> {
+pub(crate) fn check_readable(about: &Metadata, path: &Path) -> Result<(), OwnershipError> {
     let (owner, user, mode) = (about.uid(), geteuid().as_raw(), about.mode() & 0o777);
     if owner == user || user == 0 || mode & 0o044 != 0 {
         return Ok(());
@@ -155,8 +155,7 @@ pub(super) fn check_folder(path: &Path) -> Result<(), OwnershipError> {
 pub(super) fn check_file_to_replace(file: &File, path: &Path) -> Result<(), OwnershipError> {
     let folder = fs::metadata(folder_of(path)).map_err(|cause| io_fault(path, cause))?;
     let about = file.metadata().map_err(|cause| io_fault(path, cause))?;
-    let of_root_alone = folder.uid() == 0 && folder.mode() & 0o022 == 0;
-    if geteuid().is_root() && of_root_alone && about.is_file() {
+    if geteuid().is_root() && is_of_root_alone(&folder) && about.is_file() {
         return Ok(());
     }
     check_file(file, path)
@@ -229,37 +228,48 @@ pub fn act_as(owner: Owner, devices: &[&Path]) -> io::Result<()> {
     Ok(())
 }
 
-/// Hands a file that root has just written to whom the folder of `place`, in which it will be, belongs, or else the file that
-/// it will replace there: otherwise the service whose file it is could not read it.
+/// Hands a file that root writes to whom the folder of `place`, in which it will be, belongs, or else the file that it will
+/// replace there: otherwise the service whose file it is could not read it. The open file, since the folder's owner may have put
+/// another file of root's under its name, and must not be given that.
 ///
 /// # Errors
 /// It cannot be handed over.
-pub(super) fn keep_owner(written: &Path, place: &Path) -> io::Result<()> {
+pub(super) fn keep_owner(written: &File, place: &Path) -> io::Result<()> {
     if !geteuid().is_root() {
         return Ok(());
     }
     let folder = fs::metadata(folder_of(place)).ok();
     let replaced = fs::symlink_metadata(place).ok();
     let mut others = folder.into_iter().chain(replaced);
-    let Some(owner) = others.find(|about| about.uid() != 0) else {
+    match others.find(|about| about.uid() != 0) {
+        Some(owner) => fchown(written, Some(owner.uid()), Some(owner.gid())),
+        None => Ok(()),
+    }
+}
+
+/// Hands a file that root has written to whom the file `like` beside it belongs, where root alone writes the folder: elsewhere
+/// [`keep_owner`] has handed it to the folder's owner.
+///
+/// # Errors
+/// It cannot be handed over.
+pub(super) fn share_owner(written: &Path, like: &Path) -> io::Result<()> {
+    if !geteuid().is_root() || !is_of_root_alone(&fs::metadata(folder_of(written))?) {
         return Ok(());
+    }
+    let owner = match fs::symlink_metadata(like) {
+        Ok(about) if about.uid() != 0 => about,
+        _ => return Ok(()),
     };
-    let file = match open_no_link(OpenOptions::new().read(true), written) {
-        Ok(file) => file,
+    match open_no_link(OpenOptions::new().read(true), written) {
+        Ok(file) => fchown(&file, Some(owner.uid()), Some(owner.gid())),
         // A queue writes it later, in a process that acts as the owner.
-        Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(()),
-        Err(cause) => return Err(cause),
-    };
-    let about = file.metadata()?;
-    if about.uid() == owner.uid() {
-        return Ok(());
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(()),
+        Err(cause) => Err(cause),
     }
-    // The folder's owner may have put another file of root's in its place, and must not be given that.
-    if !about.is_file() || about.nlink() != 1 || about.uid() != 0 {
-        let cause = format!("{} was replaced while it was written", written.display());
-        return Err(io::Error::new(io::ErrorKind::PermissionDenied, cause));
-    }
-    fchown(&file, Some(owner.uid()), Some(owner.gid()))
+}
+
+fn is_of_root_alone(folder: &Metadata) -> bool {
+    folder.uid() == 0 && folder.mode() & 0o022 == 0
 }
 
 /// A file that may not be read, with whose it is: the system only says that it is denied.
@@ -401,30 +411,34 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         let owner = |name: &str| fs::metadata(path(name)).unwrap().uid();
-        for name in ["file", "new", "linked"] {
+        for name in ["file", "new", "swapped"] {
             fs::write(path(name), name).unwrap();
         }
+        let file = |name: &str| File::open(path(name)).unwrap();
         let before = owner("new");
-        keep_owner(&path("new"), &path("file")).unwrap();
+        keep_owner(&file("new"), &path("file")).unwrap();
         assert_eq!(owner("new"), before);
         if chown(path("file"), Some(12_345), None).is_err() {
             // Only root can give files away, and only root hands them over.
             return;
         }
-        // In place of another user's file; again; and a file that a queue has not written yet.
+        // In place of another user's file; again; and beside one, perhaps before a queue has written it.
         for _ in 0..2 {
-            keep_owner(&path("new"), &path("file")).unwrap();
+            keep_owner(&file("new"), &path("file")).unwrap();
             assert_eq!(owner("new"), 12_345);
         }
-        keep_owner(&path("absent"), &path("file")).unwrap();
+        fs::write(path("previous"), "").unwrap();
+        share_owner(&path("previous"), &path("file")).unwrap();
+        assert_eq!(owner("previous"), 12_345);
+        share_owner(&path("absent"), &path("file")).unwrap();
         chown(folder.path(), Some(12_346), None).unwrap();
-        fs::write(path("of_folder"), "").unwrap();
-        keep_owner(&path("of_folder"), &path("other")).unwrap();
-        assert_eq!(owner("of_folder"), 12_346);
-        // A second name of a file of root's, as somebody may have put it there.
-        fs::hard_link(path("linked"), path("again")).unwrap();
-        keep_owner(&path("again"), &path("other")).unwrap_err();
-        assert_eq!(owner("linked"), 0);
+        // What the folder's owner has put under the name meanwhile stays root's, here and where only the name is known.
+        let written = file("new");
+        fs::rename(path("swapped"), path("new")).unwrap();
+        keep_owner(&written, &path("other")).unwrap();
+        assert_eq!(written.metadata().unwrap().uid(), 12_346);
+        share_owner(&path("new"), &path("file")).unwrap();
+        assert_eq!(owner("new"), 0);
     }
 
     #[test]

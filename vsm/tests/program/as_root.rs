@@ -241,3 +241,39 @@ fn a_link_of_the_service_does_not_lead_root_to_files_of_its_own() {
     assert!(!done, "{printed}");
     assert_eq!(fs::read(own.join("file")).expect("a file"), b"root's");
 }
+
+/// Nor by way of an access list: its folder's owner decides where its name leads.
+#[test]
+fn an_access_list_behind_a_link_of_the_service_is_not_read_or_written_as_root() {
+    let Some(service) = Service::new().filter(|_| may_read_all()) else {
+        return;
+    };
+    let own = service.path("roots");
+    fs::create_dir(&own).expect("a folder");
+    let private = fs::Permissions::from_mode(0o700);
+    fs::set_permissions(&own, private).expect("a mode");
+    let secret = own.join("secret");
+    fs::write(&secret, "root's\n").expect("a file");
+    fs::set_permissions(&secret, fs::Permissions::from_mode(0o600)).expect("a mode");
+    for (link, target) in [("var/acl", &own), ("var/l.list", &secret)] {
+        let link = service.path(link);
+        symlink(target, &link).expect("a link");
+        std::os::unix::fs::lchown(&link, Some(SERVICE), Some(SERVICE)).expect("given");
+    }
+    let grant = |list: &str| {
+        let list = service.path(list).display().to_string();
+        let words = format!(
+            "access grant {list} --vsm-id 1b:00:00:01 --cucs 1b:00:00:a0 --vehicle 1b:00:01:01 --groups fly \
+             --guard-key 0011223344556677 --until never"
+        );
+        service.vsm(&words.split_whitespace().collect::<Vec<_>>())
+    };
+    let (done, printed) = grant("var/acl/new.list");
+    assert!(!done && !own.join("new.list").exists(), "{printed}");
+    let list = service.path("var/l.list").display().to_string();
+    for (done, printed) in [grant("var/l.list"), service.vsm(&["access", "list", &list])] {
+        assert!(!done && printed.contains("belongs to user 0"), "{printed}");
+        assert!(!printed.contains("root's"), "{printed}");
+    }
+    assert_eq!(fs::read(&secret).expect("a file"), b"root's\n");
+}
