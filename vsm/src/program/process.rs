@@ -75,7 +75,7 @@ pub(crate) fn load_airside(path: &Path) -> Result<AirsideConfig, Failure> {
 
 /// Has root act as the owner of a folder, where that is another user: see `shell::ownership`. Not once another thread runs.
 pub(crate) fn act_for(folder: &Path, devices: &[&Path]) -> Result<(), Failure> {
-    let Some(owner) = other_owner(folder) else {
+    let Some(owner) = other_owner(folder).map_err(failed)? else {
         return Ok(());
     };
     let (folder, user) = (folder.display(), owner.user);

@@ -7,7 +7,7 @@
 use std::fmt;
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Read, Write};
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt as _, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -17,6 +17,7 @@ use mavlink_link::store::{
 };
 use rustix::fs::FlockOperation;
 use rustix::io::Errno;
+use rustix::process::geteuid;
 use zeroize::Zeroizing;
 
 pub use super::ownership::folder_of;
@@ -589,7 +590,16 @@ fn overwrite(path: &Path) -> io::Result<()> {
         opened => opened?,
     };
     ownership::check_file(&file, path)?;
-    let mut left = file.metadata()?.len();
+    let about = file.metadata()?;
+    // Somebody else may have made one of these names, to have root erase the file under the other one.
+    if geteuid().is_root() && about.nlink() > 1 {
+        let problem = format!(
+            "it is not erased: it has {} names (hard links), and root erases only what has one: remove the others first",
+            about.nlink()
+        );
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, problem));
+    }
+    let mut left = about.len();
     let zeros = [0; 4_096];
     while left > 0 {
         let now = zeros.len().min(usize::try_from(left).unwrap_or(usize::MAX));

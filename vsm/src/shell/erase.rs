@@ -11,18 +11,20 @@
 //! keys alive by cutting the power again and again.
 //!
 //! Symbolic links are not followed: the link is deleted, and its target is reported. A file of another user is refused by
-//! name. A file that could not be erased keeps the order in place, except for recordings: others may write to their folder.
+//! name. Where root erases, so is a file with a second name, and one that another user may have led root to. A file that could
+//! not be erased keeps the order in place, except for recordings: others may write to their folder.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use mavlink_link::store::{Disk as _, Durability, StoreError};
+use rustix::process::geteuid;
 use serde::{Deserialize, Serialize};
 
 use super::disk::{ERASE_ORDER, FileDisk, FileSystem, NativeFileSystem, OpenError};
 use super::disk::{folder_of, is_to_be_erased, replace};
-use super::key_store;
+use super::{key_store, ownership};
 use crate::config::airside::AirsideConfig;
 use crate::config::{Config, ExchangeMode, Signing};
 
@@ -372,6 +374,12 @@ fn erase(path: &Path, system: &dyn FileSystem) -> io::Result<Option<String>> {
         Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
         found => found?,
     };
+    // Root must not be led to a file of its own by somebody else.
+    let folder = folder_of(path);
+    ownership::check_way(folder)?;
+    if geteuid().is_root() {
+        ownership::check_folder(folder)?;
+    }
     // A link's target may be anyone's file. Overwriting it could destroy something unrelated.
     if found.is_symlink() {
         let to = fs::read_link(path);
@@ -426,9 +434,14 @@ fn is_recording(name: &str) -> bool {
     (name.starts_with("dli-") && name.ends_with(".pcapng")) || of_vehicle()
 }
 
-/// The next start may have another working folder, and the files of a key lie where a configured link leads.
+/// The next start may have another working folder, and the files of a key lie where a configured link leads. Root follows none that
+/// somebody else may have put there.
 fn real(path: &Path) -> PathBuf {
-    key_store::real_path(path).unwrap_or_else(|_| absolute(path))
+    let real = match ownership::check_way(path) {
+        Ok(()) => key_store::real_path(path).ok(),
+        Err(_) => None,
+    };
+    real.unwrap_or_else(|| absolute(path))
 }
 
 fn absolute(path: &Path) -> PathBuf {

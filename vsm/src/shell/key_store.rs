@@ -449,6 +449,10 @@ fn fault(cause: KeyStoreError) -> StoreError {
 
 /// As [`real_path`], where the folders on the way may be trusted.
 fn trusted_path(path: &Path) -> Result<PathBuf, KeyStoreError> {
+    // Before anything is made beside the file that a link leads to.
+    let there = fs::symlink_metadata(path).is_ok();
+    let way = if there { path } else { disk::folder_of(path) };
+    ownership::check_way(way).map_err(KeyFileError::from)?;
     let real = real_path(path).map_err(|cause| KeyStoreError::Change {
         path: path.to_owned(),
         cause,

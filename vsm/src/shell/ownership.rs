@@ -12,13 +12,19 @@
 //! with a dynamic user cannot be reached; a file that only this right opens is refused, since the service could not read it. A
 //! single file that root writes in another user's folder, or in place of another user's file, is handed to that user
 //! (`keep_owner`).
+//!
+//! Where root stays root, it follows a path only as far as root alone decides where it leads (`first_other`): each folder and
+//! each link on the way is root's, and nobody else may write these folders. So nobody can change that way after the look. The
+//! sticky bit keeps others from replacing what is there, and not from putting a link where there is nothing yet.
 
+use std::ffi::OsString;
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io;
 use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _, OpenOptionsExt as _, fchown};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use rustix::fs::OFlags;
+use rustix::io::Errno;
 use rustix::process::geteuid;
 use rustix::thread::{
     CapabilitySet, CapabilitySets, Gid, Uid, set_capabilities, set_keep_capabilities,
@@ -50,6 +56,17 @@ pub enum OwnershipError {
         /// The folder.
         path: PathBuf,
         /// Its mode.
+        mode: u32,
+    },
+    /// Nothing is there yet, and others may put something there.
+    #[error(
+        "there is no {path} yet, and others may put a link there, since they can write the folder above it (mode {mode:03o}): as root, make it first, with mode 0700",
+        path = path.display()
+    )]
+    Open {
+        /// What is missing.
+        path: PathBuf,
+        /// The mode of the folder above it.
         mode: u32,
     },
     /// This process's user may not read it.
@@ -170,26 +187,121 @@ pub struct Owner {
     pub group: u32,
 }
 
-/// Whose folder it is, where this is root and the folder is another user's. Of one that is not there yet: whose the folder is
-/// in which it would be made.
-#[must_use]
-pub fn other_owner(folder: &Path) -> Option<Owner> {
+/// Whose folder it is, where this is root and another user decides what the path leads to: the owner of the first folder or link on
+/// the way that is not root's. Of one that is not there yet: who decides where it would be made.
+///
+/// # Errors
+/// Others than root, and not one alone, decide that: they may write a folder on the way.
+pub fn other_owner(folder: &Path) -> Result<Option<Owner>, OwnershipError> {
     if !geteuid().is_root() {
-        return None;
+        return Ok(None);
     }
-    let folder = std::path::absolute(folder).ok()?;
-    // Whoever owns a link on the way has chosen the folder that it leads to.
-    let links = folder.ancestors().filter_map(|one| {
-        let about = fs::symlink_metadata(one).ok()?;
-        about.is_symlink().then_some(about)
-    });
-    let there = folder.ancestors().find_map(|one| fs::metadata(one).ok());
-    let mut found = links.chain(there);
-    let other = found.find(|about| about.uid() != 0)?;
-    Some(Owner {
+    let other = first_other(folder)?;
+    Ok(other.map(|(_, other)| Owner {
         user: other.uid(),
         group: other.gid(),
+    }))
+}
+
+/// Checks, where this is root, that root alone decides what a path leads to. What is not there yet may be made.
+///
+/// # Errors
+/// Others may decide it.
+pub(super) fn check_way(path: &Path) -> Result<(), OwnershipError> {
+    if !geteuid().is_root() {
+        return Ok(());
+    }
+    let Some((path, about)) = first_other(path)? else {
+        return Ok(());
+    };
+    Err(OwnershipError::Owner {
+        path,
+        owner: about.uid(),
+        expected: 0,
     })
+}
+
+/// The first folder, link or file on the way to a path that is not root's. `None`: root alone decides what it leads to, or what
+/// will be made there. What is behind the result was not looked at, since its owner may change it at any time.
+fn first_other(path: &Path) -> Result<Option<(PathBuf, Metadata)>, OwnershipError> {
+    let path = std::path::absolute(path).map_err(|cause| io_fault(path, cause))?;
+    let look = |at: &Path| fs::symlink_metadata(at).map_err(|cause| io_fault(at, cause));
+    let mut at = PathBuf::from("/");
+    let mut folder = look(&at)?;
+    // The next one is the last.
+    let mut rest = names(&path);
+    let mut links = 0;
+    while let Some(name) = rest.pop() {
+        let mode = folder.mode() & 0o7777;
+        let (shared, sticky) = (mode & 0o022 != 0, mode & STICKY != 0);
+        if shared && !sticky {
+            return Err(OwnershipError::Writable { path: at, mode });
+        }
+        // `at` has no links left in it: the folder above it is the one that the system would go to.
+        let next = if name == ".." {
+            at.parent().unwrap_or(&at).to_owned()
+        } else {
+            at.join(name)
+        };
+        let about = match fs::symlink_metadata(&next) {
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound && shared => {
+                return Err(OwnershipError::Open { path: next, mode });
+            }
+            // Root would make it. Below a file there is nothing.
+            Err(cause)
+                if matches!(
+                    cause.kind(),
+                    io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
+                ) =>
+            {
+                return Ok(None);
+            }
+            about => about.map_err(|cause| io_fault(&next, cause))?,
+        };
+        if !is_roots(&about) {
+            return Ok(Some((next, about)));
+        }
+        if !about.is_symlink() {
+            (at, folder) = (next, about);
+            continue;
+        }
+        links += 1;
+        // A second name of a link of root's: somebody else may have given it that.
+        if shared && about.nlink() > 1 {
+            return Err(OwnershipError::Open { path: next, mode });
+        }
+        if links > MAX_LINKS {
+            return Err(io_fault(&next, Errno::LOOP.into()));
+        }
+        let target = fs::read_link(&next).map_err(|cause| io_fault(&next, cause))?;
+        if target.is_absolute() {
+            at = PathBuf::from("/");
+            folder = look(&at)?;
+        }
+        rest.extend(names(&target));
+    }
+    Ok(None)
+}
+
+/// The names in a path, the last one first.
+fn names(path: &Path) -> Vec<OsString> {
+    let parts = path.components().rev().filter_map(|part| match part {
+        Component::Normal(name) => Some(name.to_owned()),
+        Component::ParentDir => Some("..".into()),
+        Component::RootDir | Component::CurDir | Component::Prefix(_) => None,
+    });
+    parts.collect()
+}
+
+/// Root's; or of a user that this user namespace does not have: whose it is, is decided outside of it, as all else of it.
+fn is_roots(about: &Metadata) -> bool {
+    about.uid() == 0 || about.uid() == OVERFLOW_USER && is_in_user_namespace()
+}
+
+fn is_in_user_namespace() -> bool {
+    let map = fs::read_to_string("/proc/self/uid_map").unwrap_or_default();
+    let all = map.split_whitespace().eq(["0", "0", "4294967295"]);
+    !map.is_empty() && !all
 }
 
 /// Gives up root's rights for good but that to read: this process acts as the owner of a folder from here on. `devices`: serial
@@ -332,6 +444,10 @@ fn io_fault(path: &Path, cause: io::Error) -> OwnershipError {
 }
 
 const STICKY: u32 = 0o1000;
+/// As which the system shows the users that a user namespace does not have.
+const OVERFLOW_USER: u32 = 65_534;
+/// As many as the system follows.
+const MAX_LINKS: usize = 40;
 
 #[cfg(test)]
 mod tests {
@@ -388,8 +504,8 @@ mod tests {
         let (own, link) = (folder.path().join("own"), folder.path().join("link"));
         fs::create_dir(&own).unwrap();
         symlink(&own, &link).unwrap();
-        assert_eq!(other_owner(&own), None);
-        assert_eq!(other_owner(&link), None);
+        assert_eq!(other_owner(&own).unwrap(), None);
+        assert_eq!(other_owner(&link).unwrap(), None);
         if lchown(&link, Some(12_345), Some(12_346)).is_err() {
             // Only root can give files away, and only root acts as somebody else.
             return;
@@ -398,12 +514,55 @@ mod tests {
             user: 12_345,
             group: 12_346,
         });
-        assert_eq!(other_owner(&link), other);
-        assert_eq!(other_owner(&link.join("below")), other);
-        assert_eq!(other_owner(&own), None);
+        assert_eq!(other_owner(&link).unwrap(), other);
+        assert_eq!(other_owner(&link.join("below")).unwrap(), other);
+        assert_eq!(other_owner(&own).unwrap(), None);
+        // A link of root's to a place that leads over that link.
+        symlink("link/below", folder.path().join("outer")).unwrap();
+        let outer = folder.path().join("own/../outer");
+        assert_eq!(other_owner(&outer).unwrap(), other);
+        // Root's folder in that of another user, who may replace it.
+        fs::create_dir(own.join("state")).unwrap();
         chown(&own, Some(12_345), Some(12_346)).unwrap();
-        assert_eq!(other_owner(&own), other);
-        assert_eq!(other_owner(&own.join("to/be/made")), other);
+        assert_eq!(other_owner(&own).unwrap(), other);
+        assert_eq!(other_owner(&own.join("state")).unwrap(), other);
+        assert_eq!(other_owner(&own.join("to/be/made")).unwrap(), other);
+        let refused = check_way(&own.join("state")).unwrap_err().to_string();
+        assert!(refused.contains("own belongs to user 12345"), "{refused}");
+    }
+
+    #[test]
+    fn root_goes_no_way_that_others_may_change() {
+        if !geteuid().is_root() {
+            // Another user can have nothing of root's erased.
+            return;
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let open = folder.path().join("open");
+        fs::create_dir(&open).unwrap();
+        fs::create_dir(open.join("state")).unwrap();
+        symlink("state", open.join("link")).unwrap();
+        let mode = |mode| fs::set_permissions(&open, fs::Permissions::from_mode(mode)).unwrap();
+        for one in ["state", "link", "absent"] {
+            mode(0o777);
+            let refused = other_owner(&open.join(one)).unwrap_err().to_string();
+            assert!(refused.contains("can be written by others"), "{refused}");
+            mode(0o755);
+            assert_eq!(other_owner(&open.join(one)).unwrap(), None);
+        }
+        // What is root's cannot be replaced in a sticky folder, but what is not there can be put there.
+        mode(0o1777);
+        assert_eq!(other_owner(&open.join("state/new")).unwrap(), None);
+        assert_eq!(other_owner(&open.join("link")).unwrap(), None);
+        for absent in ["absent", "absent/state"] {
+            let refused = other_owner(&open.join(absent)).unwrap_err().to_string();
+            assert!(refused.contains("as root, make it first"), "{refused}");
+        }
+        fs::hard_link(open.join("link"), open.join("planted")).unwrap();
+        other_owner(&open.join("planted")).unwrap_err();
+        // A circle ends.
+        symlink("circle", folder.path().join("circle")).unwrap();
+        other_owner(&folder.path().join("circle")).unwrap_err();
     }
 
     #[test]

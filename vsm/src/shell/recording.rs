@@ -70,6 +70,7 @@ pub(super) struct RecordFile {
 /// # Errors
 /// The folder cannot be made or written, or it is open to others.
 pub(super) fn check(folder: &Path) -> io::Result<()> {
+    ownership::check_way(folder)?;
     if folder.exists() {
         ownership::check_folder(folder)?;
     }
@@ -89,6 +90,7 @@ impl RecordFile {
         wall: Duration,
         quota: Quota,
     ) -> io::Result<RecordFile> {
+        ownership::check_way(folder)?;
         DirBuilder::new()
             .recursive(true)
             .mode(0o700)

@@ -277,3 +277,42 @@ fn an_access_list_behind_a_link_of_the_service_is_not_read_or_written_as_root() 
     }
     assert_eq!(fs::read(&secret).expect("a file"), b"root's\n");
 }
+
+/// Nor where the store is root's, and the folder around it is not: its owner may put anything beside it.
+#[test]
+fn root_erases_nothing_in_a_folder_of_another_user_or_of_everybody() {
+    let Some(service) = Service::new() else {
+        return;
+    };
+    let own = service.path("roots");
+    fs::create_dir(&own).expect("a folder");
+    let victim = own.join("file");
+    fs::write(&victim, "root's").expect("a file");
+    let var = service.path("var");
+    chown(var.join("state"), Some(0), Some(0)).expect("given");
+    let key = var.join("uav1.key");
+    fs::remove_file(&key).expect("the key");
+    symlink(&victim, &key).expect("a link");
+    std::os::unix::fs::lchown(&key, Some(SERVICE), Some(SERVICE)).expect("given");
+    let (done, printed) = service.vsm(&["zeroize", "--yes", "vsm.toml"]);
+    assert!(
+        !done && printed.contains(&format!("acting as user {SERVICE}")),
+        "{printed}"
+    );
+    assert_eq!(fs::read(&victim).expect("a file"), b"root's");
+
+    // Nothing is there yet, and anybody may put it there.
+    let open = service.path("open");
+    fs::create_dir(&open).expect("a folder");
+    fs::set_permissions(&open, fs::Permissions::from_mode(0o1777)).expect("a mode");
+    let config = fs::read_to_string(service.path("etc/vsm.toml")).expect("a file");
+    let (before, after) = (var.display().to_string(), open.display().to_string());
+    let config = config.replace(&before, &after);
+    fs::write(service.path("etc/open.toml"), config).expect("a file");
+    let (done, printed) = service.vsm(&["zeroize", "--yes", "open.toml"]);
+    assert!(
+        !done && printed.contains("as root, make it first"),
+        "{printed}"
+    );
+    assert!(!open.join("state").exists());
+}

@@ -281,10 +281,12 @@ fn what_is_overwritten_holds_nothing_of_before_in_its_place() {
     let (path, other) = (folder.path().join("key"), folder.path().join("other"));
     fs::write(&path, vec![7; 10_000]).unwrap();
     fs::set_permissions(&path, fs::Permissions::from_mode(0o400)).unwrap();
-    // Another name of the same file shows what is in its place.
-    fs::hard_link(&path, &other).unwrap();
+    // Opened before, it shows what is in its place.
+    let mut before = fs::File::open(&path).unwrap();
     NativeFileSystem.overwrite(&path).unwrap();
-    assert_eq!(fs::read(&other).unwrap(), vec![0; 10_000]);
+    let mut found = Vec::new();
+    io::Read::read_to_end(&mut before, &mut found).unwrap();
+    assert_eq!(found, vec![0; 10_000]);
     let link = folder.path().join("link");
     std::os::unix::fs::symlink(&other, &link).unwrap();
     fs::write(&other, SECRET).unwrap();
@@ -322,4 +324,43 @@ fn an_order_that_cannot_be_read_or_finished_lets_nothing_be_served() {
     let done = scene.start().unwrap().unwrap();
     assert_eq!(given, done.left.iter().any(|(path, _)| *path == recording));
     assert_eq!(scene.start().unwrap(), None);
+}
+
+#[test]
+fn root_erases_nothing_that_somebody_else_may_have_led_it_to() {
+    use std::os::unix::fs::{chown, symlink};
+    if !geteuid().is_root() {
+        // Another user can erase no file but its own.
+        return;
+    }
+    let scene = Scene::new();
+    let again = scene.path("again");
+    fs::hard_link(scene.path("uav1.key"), &again).unwrap();
+    scene.begin(Box::new(NativeFileSystem)).unwrap();
+    let refused = scene.start().unwrap_err().to_string();
+    assert!(refused.contains("it has 2 names"), "{refused}");
+    assert_eq!(fs::read(&again).unwrap(), SECRET);
+    assert_eq!(scene.secrets(), ["uav1.key"]);
+    fs::remove_file(&again).unwrap();
+    assert!(scene.start().unwrap().is_some() && scene.secrets().is_empty());
+
+    // The folder above all is another user's, who may put any file of root's under these names.
+    let scene = Scene::new();
+    scene.begin(Box::new(NativeFileSystem)).unwrap();
+    if chown(scene.folder.path(), Some(12_345), None).is_err() {
+        // A container may lack the right.
+        return;
+    }
+    let refused = scene.start().unwrap_err().to_string();
+    assert!(refused.contains("belongs to user 12345"), "{refused}");
+    assert_eq!(scene.secrets().len(), SECRETS.len());
+    // A key behind a link there is not looked for where it leads; behind one of root's it is.
+    let folder = tempfile::tempdir().unwrap();
+    let (target, own) = (folder.path().join("target"), folder.path().join("own.key"));
+    fs::write(&target, SECRET).unwrap();
+    symlink(&target, &own).unwrap();
+    assert_eq!(real(&own), fs::canonicalize(&target).unwrap());
+    let planted = scene.path("uav9.key");
+    symlink(&target, &planted).unwrap();
+    assert_eq!(real(&planted), planted);
 }
