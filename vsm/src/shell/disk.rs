@@ -132,6 +132,14 @@ impl FileDisk {
             let problem = "it is a file, expected a folder, which is made where it is missing";
             return Err(fault(io::Error::new(io::ErrorKind::NotADirectory, problem)));
         }
+        if folder.is_symlink() && !folder.exists() {
+            let to = fs::read_link(folder).map_err(fault)?;
+            let problem = format!(
+                "it is a link to {}, which is not there: make that folder, with mode 0700",
+                to.display()
+            );
+            return Err(fault(io::Error::new(io::ErrorKind::NotFound, problem)));
+        }
         DirBuilder::new()
             .recursive(true)
             .mode(0o700)
@@ -149,7 +157,8 @@ impl FileDisk {
         ownership::check_folder(folder)?;
         let mut how = OpenOptions::new();
         how.write(true).create(true).truncate(false).mode(0o600);
-        let lock = ownership::open_no_link(&mut how, &folder.join("lock")).map_err(fault)?;
+        let lock = ownership::open_no_link(&mut how, &folder.join("lock"))
+            .map_err(|cause| fault(ownership::explain(folder, cause)))?;
         if !self::lock(&lock).map_err(fault)? {
             return Err(OpenError::Locked {
                 folder: folder.to_owned(),

@@ -88,7 +88,7 @@ pub enum EraseError {
     #[error("the order to zeroize cannot be stored, and nothing is erased: {0}")]
     Begin(StoreError),
     /// The order cannot be read.
-    #[error("{path}: {cause}; nothing is served from this store while it is there", path = path.display())]
+    #[error("the order to zeroize {path} cannot be read: {cause}; nothing is served from this store while it is there: remove it, then run `vsm zeroize`, or `vsm run` where nothing was to be erased", path = path.display())]
     Order {
         /// Its file.
         path: PathBuf,
@@ -317,6 +317,14 @@ pub fn finish_on(store: &Path, system: Box<dyn FileSystem>) -> Result<Option<Era
         });
     }
     Ok(Some(erased))
+}
+
+/// Whether a start could read the order in a store, where there is one.
+///
+/// # Errors
+/// It could not, and would not start.
+pub fn check_order(store: &Path) -> Result<(), EraseError> {
+    read(store, &NativeFileSystem).map(drop)
 }
 
 /// The order in a store.

@@ -79,7 +79,8 @@ pub async fn before_a_start(config: &Config, file: &Path, listen_for: Duration) 
     let mut facts = beside(config, file, listen_for).await;
     // A start makes a folder that is missing; this one must leave nothing behind.
     let folder = &config.store.dir;
-    match folder.exists().then(|| open(config)) {
+    // A link that leads nowhere is there, too.
+    match fs::symlink_metadata(folder).ok().map(|_| open(config)) {
         // The lock is released at once.
         None | Some(Ok(_)) => {}
         Some(Err(OpenError::Locked { folder })) => {
@@ -95,11 +96,14 @@ pub async fn before_a_start(config: &Config, file: &Path, listen_for: Duration) 
             return facts;
         }
         Some(Err(OpenError::Zeroizing { folder })) => {
-            facts.store = Some(StoreFact::Zeroized(folder.display().to_string()));
+            facts.store = Some(match erase::check_order(&folder) {
+                Ok(()) => StoreFact::Zeroized(folder.display().to_string()),
+                Err(fault) => StoreFact::Unusable(fault.to_string()),
+            });
         }
         Some(Err(fault)) => facts.store = Some(StoreFact::Unusable(fault.to_string())),
     }
-    if folder.exists() && erase::is_zeroized(folder) {
+    if facts.store.is_none() && folder.exists() && erase::is_zeroized(folder) {
         facts.store = Some(StoreFact::Zeroized(folder.display().to_string()));
     }
     let files = checks::named_files(config, Some(file));
@@ -271,3 +275,42 @@ fn problem(kind: io::ErrorKind) -> PortProblem {
 
 /// The task that writes a serial line ends when nobody writes to it, which takes a moment.
 const CLOSED_WITHIN: Duration = Duration::from_millis(50);
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::{DirBuilderExt as _, symlink};
+
+    use super::*;
+
+    async fn unusable(config: &Config) -> String {
+        let facts = before_a_start(config, Path::new("vsm.toml"), Duration::ZERO).await;
+        match facts.store {
+            Some(StoreFact::Unusable(why)) => why,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[tokio::test]
+    async fn a_store_that_cannot_be_used_is_named_and_not_taken_for_a_zeroized_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let text =
+            "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:0\"\n[store]\ndir = \"state\"\n";
+        let config = Config::parse(text, folder.path()).unwrap_or_else(|fault| panic!("{fault}"));
+        let store = &config.store.dir;
+        fs::write(store, "").unwrap();
+        let why = unusable(&config).await;
+        assert!(why.contains("it is a file"), "{why}");
+        fs::remove_file(store).unwrap();
+        symlink("absent", store).unwrap();
+        let why = unusable(&config).await;
+        assert!(why.contains("it is a link to absent"), "{why}");
+        fs::remove_file(store).unwrap();
+        fs::DirBuilder::new().mode(0o700).create(store).unwrap();
+        fs::write(store.join("zeroize.order"), "junk").unwrap();
+        let why = unusable(&config).await;
+        assert!(
+            why.contains("zeroize.order cannot be read") && why.contains("remove it"),
+            "{why}"
+        );
+    }
+}

@@ -4,7 +4,7 @@
 use std::io::{self, Read, Write as _};
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::PermissionsExt;
-use std::os::unix::net::UnixStream;
+use std::os::unix::net::{SocketAddr, UnixStream};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -46,11 +46,28 @@ pub fn path(store: &Path, name: &str) -> PathBuf {
     store.join(name)
 }
 
+/// Whether the socket can be made: its path is short enough, and no folder has its name.
+///
+/// # Errors
+/// It cannot.
+pub fn check(store: &Path, name: &str) -> io::Result<()> {
+    let path = path(store, name);
+    if std::fs::symlink_metadata(&path).is_ok_and(|about| about.is_dir()) {
+        let problem = format!(
+            "{} is a folder, expected a socket or nothing: remove it",
+            path.display()
+        );
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, problem));
+    }
+    SocketAddr::from_pathname(path).map(drop)
+}
+
 /// Opens the socket. The store's lock is held, so an existing socket is a leftover.
 ///
 /// # Errors
 /// The system's; paths of over 107 bytes too.
 pub fn listen(store: &Path, name: &str) -> io::Result<UnixListener> {
+    check(store, name)?;
     let path = path(store, name);
     match std::fs::remove_file(&path) {
         Err(cause) if cause.kind() != io::ErrorKind::NotFound => return Err(cause),

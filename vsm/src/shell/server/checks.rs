@@ -6,7 +6,6 @@
 
 use std::fs;
 use std::io;
-use std::os::unix::net::SocketAddr as UnixAddress;
 use std::path::{Path, PathBuf};
 
 use mavlink_link::Now;
@@ -265,10 +264,8 @@ pub fn look_at_access(config: &Config) -> Result<Option<String>, StartError> {
 /// A start would end with this.
 pub fn try_start(config: &Config) -> Result<(), StartError> {
     check_records(config)?;
-    // Its path may be too long.
     for name in [STATUS, RELOAD, FILES, SETTINGS, ZEROIZE] {
-        let path = status_socket::path(&config.store.dir, name);
-        UnixAddress::from_pathname(path).map_err(StartError::Status)?;
+        status_socket::check(&config.store.dir, name).map_err(StartError::Status)?;
     }
     let files = TrialFiles::default();
     let mut store = TrialDisk::new(&config.store.dir, files.clone());
@@ -398,9 +395,19 @@ mod tests {
         fs::create_dir(&config.store.dir).unwrap();
         let private = fs::Permissions::from_mode(0o700);
         fs::set_permissions(&config.store.dir, private).unwrap();
-        fs::write(config.store.dir.join("audit.key"), "no key").unwrap();
-        let tried = try_start(&config).unwrap_err().to_string();
-        let started = super::super::Server::open(&config).unwrap_err();
-        assert_eq!(tried, started.to_string());
+        let (key, socket) = ("audit.key", "status.sock");
+        fs::write(config.store.dir.join(key), "no key").unwrap();
+        let both_end = || {
+            let tried = try_start(&config).unwrap_err().to_string();
+            let started = super::super::Server::open(&config).unwrap_err();
+            assert_eq!(tried, started.to_string());
+            tried
+        };
+        both_end();
+        fs::remove_file(config.store.dir.join(key)).unwrap();
+        // A folder in the place of a socket.
+        fs::create_dir(config.store.dir.join(socket)).unwrap();
+        let ended = both_end();
+        assert!(ended.contains("status.sock is a folder"), "{ended}");
     }
 }
