@@ -171,7 +171,7 @@ fn fleet(config: &Config) -> Option<Result<Option<String>, String>> {
             Some(owner) if *owner == own.name => None,
             _ if own.drained => Some("it is drained".to_owned()),
             Some(owner) => Some(format!("{owner} serves")),
-            None => Some("no node serves yet".to_owned()),
+            None => Some("no node serves".to_owned()),
         }
     }))
 }
@@ -185,6 +185,9 @@ fn fleet(_: &Config) -> Option<Result<Option<String>, String>> {
 fn start_fault(cause: &StartError) -> StartFault {
     let what = match cause {
         StartError::Access(_) => StartPart::AccessList,
+        StartError::Recording { cause, .. } if cause.kind() == io::ErrorKind::StorageFull => {
+            StartPart::FullRecording
+        }
         StartError::Terrain(_) | StartError::Recording { .. } | StartError::Tiles(_) => {
             StartPart::File
         }
@@ -312,5 +315,20 @@ mod tests {
             why.contains("zeroize.order cannot be read") && why.contains("remove it"),
             "{why}"
         );
+    }
+
+    #[test]
+    fn a_full_disk_of_recordings_is_no_fault_that_ends_a_start() {
+        for (kind, full) in [
+            (io::ErrorKind::StorageFull, true),
+            (io::ErrorKind::ReadOnlyFilesystem, false),
+        ] {
+            let cause = StartError::Recording {
+                folder: "records".into(),
+                cause: kind.into(),
+            };
+            let what = start_fault(&cause).what;
+            assert_eq!(matches!(what, StartPart::FullRecording), full, "{kind}");
+        }
     }
 }

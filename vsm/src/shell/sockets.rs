@@ -36,8 +36,8 @@ pub enum SocketError {
     /// The interface of the group does not exist on this computer, or has no address of the group's kind.
     #[error("dli.interface: {0}; for example interface = \"lo\"")]
     Interface(GroupError),
-    /// The host of a udpout link has no address.
-    #[error("{key}: the host of \"udpout:{address}\" cannot be resolved: {cause}")]
+    /// The host of a udpout or tcpout link has no address.
+    #[error("{key}: the host of \"{address}\" cannot be resolved: {cause}")]
     Resolve {
         /// The key of the configuration.
         key: &'static str,

@@ -131,6 +131,8 @@ pub enum StartPart {
     AccessList,
     /// Another file or folder that the configuration names.
     File,
+    /// The disk of the recordings has no room.
+    FullRecording,
     /// Anything else.
     Other,
 }
@@ -228,6 +230,12 @@ fn start(fault: &StartFault) -> Finding {
             "file",
             why,
             "mend the file or folder, or name another: vsm run does not start with it",
+        ),
+        StartPart::FullRecording => Finding::new(
+            Code::File,
+            "recordings",
+            why,
+            "make room, or name another folder: vsm run starts, and ends the recording at the first write that fails",
         ),
         StartPart::Other => Finding::new(
             Code::Start,
@@ -365,12 +373,17 @@ mod tests {
             }],
             standby: None,
             etcd: Some("connection refused".to_owned()),
-            start: [StartPart::AccessList, StartPart::File, StartPart::Other]
-                .map(|what| StartFault {
-                    what,
-                    why: "why".to_owned(),
-                })
-                .into(),
+            start: [
+                StartPart::AccessList,
+                StartPart::File,
+                StartPart::FullRecording,
+                StartPart::Other,
+            ]
+            .map(|what| StartFault {
+                what,
+                why: "why".to_owned(),
+            })
+            .into(),
             elsewhere: Some((
                 SocketAddr::from(([225, 0, 0, 1], 51_017)),
                 here,
@@ -387,6 +400,7 @@ mod tests {
             Code::Interface,
             Code::KeyFile,
             Code::AccessList,
+            Code::File,
             Code::File,
             Code::Start,
             Code::GroupInterface,

@@ -171,7 +171,7 @@ pub fn stand_by(
                 };
                 break (etcd, right, epoch);
             }
-            Ok(Turn::Wait(line)) => node.say(line, report),
+            Ok(Turn::Wait(line)) | Err(Fault::Wait(line)) => node.say(line, report),
             Err(Fault::Fatal(fault)) => return Err(fault),
             Err(Fault::Etcd(cause)) => node.say(format!("etcd does not answer: {cause}"), report),
         }
@@ -340,6 +340,8 @@ enum Turn {
 
 enum Fault {
     Etcd(io::Error),
+    /// etcd answers, and this node has to wait: what to report.
+    Wait(String),
     Fatal(FleetError),
 }
 
@@ -496,7 +498,7 @@ impl Node {
                 }));
             }
             let taken = format!("the name {:?} is taken until its lease ends", self.name);
-            return Err(Fault::Etcd(io::Error::other(taken)));
+            return Err(Fault::Wait(taken));
         }
         self.begun = sent;
         Ok(*self.lease.insert(Lease { id, renewed: sent }))
