@@ -27,7 +27,7 @@ use rustix::fs::OFlags;
 use rustix::io::Errno;
 use rustix::process::geteuid;
 use rustix::thread::{
-    CapabilitySet, CapabilitySets, Gid, Uid, set_capabilities, set_keep_capabilities,
+    CapabilitySet, CapabilitySets, Gid, Uid, capabilities, set_capabilities, set_keep_capabilities,
     set_thread_groups, set_thread_res_gid, set_thread_res_uid,
 };
 
@@ -128,7 +128,9 @@ pub(super) fn check_file(file: &File, path: &Path) -> Result<(), OwnershipError>
 /// It may not.
 pub(crate) fn check_readable(about: &Metadata, path: &Path) -> Result<(), OwnershipError> {
     let (owner, user, mode) = (about.uid(), geteuid().as_raw(), about.mode() & 0o777);
-    if owner == user || user == 0 || mode & 0o044 != 0 {
+    // Root's group is no reason for another user to read it, where only the right that root has kept opens it.
+    let by_group = mode & 0o040 != 0 && (about.gid() != 0 || !reads_all());
+    if owner == user || user == 0 || mode & 0o004 != 0 || by_group {
         return Ok(());
     }
     Err(OwnershipError::Unreadable {
@@ -137,6 +139,12 @@ pub(crate) fn check_readable(about: &Metadata, path: &Path) -> Result<(), Owners
         mode,
         user,
     })
+}
+
+/// Whether this process reads any file, as root does and as [`act_as`] leaves it.
+fn reads_all() -> bool {
+    let reads = |sets: CapabilitySets| sets.effective.contains(CapabilitySet::DAC_READ_SEARCH);
+    capabilities(None).is_ok_and(reads)
 }
 
 /// Accepts a file whoever it belongs to: the service manager reads it, as root.
