@@ -11,7 +11,7 @@ use super::clock::{Clock, NOT_BEFORE};
 use super::disk::{self, FileDisk, NativeFileSystem, OpenError};
 use super::erase;
 #[cfg(feature = "etcd")]
-use super::fleet::operator::Operator;
+use super::fleet::{FleetError, check_state, operator::Operator};
 use super::interfaces::listen_elsewhere;
 use super::key_store::KeyStoreError;
 use super::ownership;
@@ -81,8 +81,13 @@ pub async fn before_a_start(config: &Config, file: &Path, listen_for: Duration) 
     let folder = &config.store.dir;
     // A link that leads nowhere is there, too.
     match fs::symlink_metadata(folder).ok().map(|_| open(config)) {
+        None => {}
         // The lock is released at once.
-        None | Some(Ok(_)) => {}
+        Some(Ok(disk)) => {
+            if let Some(why) = of_another_fleet(config, &disk) {
+                facts.store = Some(StoreFact::Unusable(why));
+            }
+        }
         Some(Err(OpenError::Locked { folder })) => {
             // The ports are not checked: the process that uses the store uses them too.
             match fleet(config) {
@@ -174,6 +179,21 @@ fn fleet(config: &Config) -> Option<Result<Option<String>, String>> {
             None => Some("no node serves".to_owned()),
         }
     }))
+}
+
+/// That the store has state which the fleet did not make: a node does not stand by with it.
+#[cfg(feature = "etcd")]
+fn of_another_fleet(config: &Config, disk: &FileDisk) -> Option<String> {
+    match check_state(&config.store.shared()?, config.dli.vsm_id, disk) {
+        Err(fault @ FleetError::Foreign { .. }) => Some(fault.to_string()),
+        // That etcd does not answer has a line of its own.
+        Ok(()) | Err(_) => None,
+    }
+}
+
+#[cfg(not(feature = "etcd"))]
+fn of_another_fleet(_: &Config, _: &FileDisk) -> Option<String> {
+    None
 }
 
 #[cfg(not(feature = "etcd"))]

@@ -70,7 +70,7 @@ impl StoreFact {
                 Code::Store,
                 "store",
                 why,
-                "the folder must belong to the user that runs vsm, with mode 0700, on a disk that can be written and has room",
+                "mend that; the folder must belong to the user that runs vsm, with mode 0700, on a disk that can be written and has room",
             ),
         }
     }

@@ -31,6 +31,7 @@ pub mod operator;
 mod remote;
 mod seal;
 
+pub(in crate::shell) use self::node::check_state;
 pub use self::node::{FleetError, Held, Stop, stand_by};
 
 #[cfg(test)]

@@ -103,6 +103,36 @@ pub struct Held {
     _keeper: Keeper,
 }
 
+/// Whether a node may stand by with what is in its folder, as [`stand_by`] finds it.
+///
+/// # Errors
+/// [`FleetError::Foreign`], or it is not known: etcd does not answer, or the folder cannot be read.
+pub(in crate::shell) fn check_state(
+    store: &SharedStore,
+    vsm: Id,
+    disk: &FileDisk,
+) -> Result<(), FleetError> {
+    if Mark::read(disk.folder())? != Mark::default() || !has_files(disk)? {
+        return Ok(());
+    }
+    let etcd = Etcd::new(&store.endpoints, CHECKED_WITHIN);
+    match etcd.get(&Names::new(vsm).complete())? {
+        Some(_) => Err(FleetError::Foreign {
+            folder: disk.folder().to_owned(),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// A person waits for the answer.
+const CHECKED_WITHIN: Duration = Duration::from_secs(3);
+
+/// Whether a folder has files that etcd would have.
+fn has_files(disk: &FileDisk) -> io::Result<bool> {
+    let names = disk.names().map_err(io::Error::other)?;
+    Ok(names.iter().any(|name| is_stored(name)))
+}
+
 /// Keeps the lease, on a thread of its own.
 #[derive(Debug)]
 struct Keeper {
@@ -153,11 +183,7 @@ pub fn stand_by(
         begun: Instant::now(),
         mark: Mark::read(disk.folder())?,
         marked: Instant::now(),
-        has_files: disk
-            .names()
-            .map_err(io::Error::other)?
-            .iter()
-            .any(|name| is_stored(name)),
+        has_files: has_files(&disk)?,
         folder: disk.folder().to_owned(),
         seal: Seal::new(key),
     };

@@ -16,7 +16,7 @@ use tokio::sync::Notify;
 
 use super::files::is_stored;
 use super::operator::Operator;
-use super::{FleetError, Held, Stop, stand_by};
+use super::{FleetError, Held, Stop, check_state, stand_by};
 use crate::config::SharedStore;
 use crate::shell::disk::{FileDisk, NativeFileSystem};
 use crate::shell::queued_disk::QueuedDisk;
@@ -175,7 +175,14 @@ fn a_folder_of_another_vsm_is_not_overwritten_and_a_folder_of_the_fleet_not_serv
     other
         .replace("plan", b"of another time", Durability::Power)
         .unwrap();
-    drop(other);
+    // It is found without standing by; a folder of the fleet is none of another.
+    let shared = store(&etcd, "beta");
+    let found = check_state(&shared, VSM, &other).unwrap_err();
+    assert!(matches!(found, FleetError::Foreign { .. }), "{found}");
+    let alpha = folder.path().join("alpha");
+    let alpha = FileDisk::open_on(&alpha, Box::new(NativeFileSystem)).unwrap();
+    check_state(&shared, VSM, &alpha).unwrap();
+    drop((other, alpha));
     let fault = own(&etcd, "beta", folder.path(), 7).unwrap_err();
     assert!(
         fault.to_string().contains("not made in this fleet"),
