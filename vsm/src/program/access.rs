@@ -100,10 +100,10 @@ impl Action {
     /// The list, and the key that is used with it.
     fn files(&self) -> (&Path, Option<&Path>) {
         match self {
-            Action::List { file, key_file } => (file, key_file.as_deref()),
-            Action::Grant(grant) => (&grant.file, None),
-            Action::Revoke { file, .. } => (file, None),
-            Action::Sign { file, key_file, .. } => (file, Some(key_file)),
+            Action::List { file, key_file } => (file.as_path(), key_file.as_deref()),
+            Action::Grant(grant) => (grant.file.as_path(), None),
+            Action::Revoke { file, .. } => (file.as_path(), None),
+            Action::Sign { file, key_file, .. } => (file.as_path(), Some(key_file.as_path())),
         }
     }
 }
