@@ -14,8 +14,9 @@
 //! name. Where root erases, so is a file with a second name, and one that another user may have led root to. A file that could
 //! not be erased keeps the order in place, except for recordings: others may write to their folder.
 
-use std::fs;
+use std::fs::{self, Metadata};
 use std::io;
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use mavlink_link::store::{Disk as _, Durability, StoreError};
@@ -168,10 +169,8 @@ impl Order {
         let mut files = Vec::new();
         for key in &self.keys {
             for file in key_store::files_of(key) {
-                // An interrupted write may have left a key beside it.
-                let mut beside = file.clone().into_os_string();
-                beside.push(".new");
-                files.extend([file, beside.into()]);
+                let beside = beside(&file);
+                files.extend([file, beside]);
             }
         }
         // Dangling links are kept in the list: `erase` deletes the link.
@@ -400,11 +399,24 @@ fn erase(path: &Path, system: &dyn FileSystem) -> io::Result<Option<String>> {
         return Ok(Some("it is a folder, which vsm did not create".into()));
     }
     if found.is_file() {
+        // A creation that was cut off has left both names on one file, and root erases none with two.
+        let second = beside(path);
+        let same = |other: Metadata| (other.dev(), other.ino()) == (found.dev(), found.ino());
+        if fs::symlink_metadata(&second).is_ok_and(same) {
+            system.remove(&second)?;
+        }
         system.overwrite(path)?;
     }
     // A socket has no content.
     system.remove(path)?;
     Ok(None)
+}
+
+/// Where an interrupted write may have left what was to become this file.
+fn beside(path: &Path) -> PathBuf {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".new");
+    beside.into()
 }
 
 /// The entries of a folder.
