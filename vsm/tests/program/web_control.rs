@@ -448,6 +448,26 @@ fn who_says_nothing_or_reads_nothing_is_dropped_by_name_and_delays_nobody() {
     drop(silent);
 }
 
+#[test]
+fn a_bridge_that_stood_still_drops_no_client_that_answers() {
+    let world = World::new();
+    let mut client = world.client();
+    // An answer to a ping before, none in between, and time for the pings after.
+    for (signal, seconds) in [(None, 6), (Some("STOP"), 17), (Some("CONT"), 8)] {
+        if let Some(signal) = signal {
+            world.bridge.signal(signal);
+        }
+        let end = Instant::now() + Duration::from_secs(seconds);
+        while Instant::now() < end {
+            client.keep();
+            let received = client.receive(Duration::from_millis(200));
+            assert!(received.is_ok(), "{signal:?}: {received:?}");
+        }
+    }
+    assert_eq!(world.refused("web: dead"), 0);
+    assert_eq!(world.refused("web: too slow"), 0);
+}
+
 /// How long questions (17002) of a station of datagrams wait for their answers, the shortest first.
 fn waits(socket: &UdpSocket, seconds: u64) -> Vec<Duration> {
     let mut waits = Vec::new();

@@ -127,9 +127,7 @@ struct Connection {
     admitted: Admitted,
     reports: mpsc::Sender<Report>,
     opened: Instant,
-    /// When the client has answered a ping last, and sent anything.
-    answered: Instant,
-    received: Instant,
+    pings: Pings,
     /// A file of a route that is being read, and the number of its frame.
     import: Option<(u64, JoinHandle<Result<Taken, String>>)>,
     /// Messages of a route that have not gone to the bridge yet.
@@ -142,15 +140,13 @@ impl Connection {
         admitted: Admitted,
         reports: mpsc::Sender<Report>,
     ) -> Connection {
-        let now = Instant::now();
         Connection {
             number,
             from,
             admitted,
             reports,
-            opened: now,
-            answered: now,
-            received: now,
+            opened: Instant::now(),
+            pings: Pings::default(),
             import: None,
             route: VecDeque::new(),
         }
@@ -202,16 +198,15 @@ impl Connection {
     }
 
     async fn take(&mut self, socket: &mut WebSocket, received: Received) -> Result<(), Ended> {
-        let now = Instant::now();
-        self.received = now;
         let frame = match received {
             Received::Frame(frame) => frame,
             Received::Other => {
-                self.answered = now;
+                self.pings.answered();
                 return Ok(());
             }
         };
-        let since = now.saturating_duration_since(self.opened);
+        self.pings.received();
+        let since = self.opened.elapsed();
         let opened = self.admitted.end.open(since, &frame);
         match opened.map_err(Ended::Refused)? {
             Ok((_, Request::Message(bytes))) => self.report(bytes).await,
@@ -282,22 +277,49 @@ impl Connection {
     }
 
     async fn ping(&mut self, socket: &mut WebSocket) -> Result<(), Ended> {
-        let now = Instant::now();
-        if now.saturating_duration_since(self.answered) > SILENCE {
-            // A client that sends but answers no ping is not reading.
-            let sends = now.saturating_duration_since(self.received) <= SILENCE;
-            return Err(Ended::Refused(if sends {
-                WebRefusal::TooSlow
-            } else {
-                WebRefusal::Dead
-            }));
-        }
+        self.pings.sends().map_err(Ended::Refused)?;
         let ping = Message::Ping(bytes::Bytes::new());
         match timeout(SILENCE, socket.send(ping)).await {
             Ok(Ok(())) => Ok(()),
             Ok(Err(_)) => Err(Ended::Left),
             Err(_) => Err(Ended::Refused(WebRefusal::Dead)),
         }
+    }
+}
+
+/// The pings that a client has not answered. Time says nothing of it: where the bridge itself was stopped, answers wait to be read.
+#[derive(Debug, Default)]
+struct Pings {
+    unanswered: u32,
+    /// Those since the client has sent anything.
+    silent: u32,
+}
+
+impl Pings {
+    /// One more is due.
+    ///
+    /// # Errors
+    /// The client has left too many unanswered.
+    fn sends(&mut self) -> Result<(), WebRefusal> {
+        if self.unanswered >= MAX_UNANSWERED {
+            // A client that sends but answers no ping is not reading.
+            return Err(if self.silent < MAX_UNANSWERED {
+                WebRefusal::TooSlow
+            } else {
+                WebRefusal::Dead
+            });
+        }
+        self.unanswered += 1;
+        self.silent += 1;
+        Ok(())
+    }
+
+    fn received(&mut self) {
+        self.silent = 0;
+    }
+
+    fn answered(&mut self) {
+        *self = Pings::default();
     }
 }
 
@@ -360,8 +382,29 @@ async fn send(
 const HELLO_WITHIN: Duration = Duration::from_secs(5);
 const CLOSE_WITHIN: Duration = Duration::from_millis(500);
 const PING_EVERY: Duration = Duration::from_secs(5);
-/// Without an answer to a ping, or while it takes nothing, a client is not there.
+/// Of so many pings without an answer a client is not there: 15 s.
+const MAX_UNANSWERED: u32 = 3;
+/// As long as this it may take nothing.
 const SILENCE: Duration = Duration::from_secs(15);
 /// Messages of a route go by so many at a time: 500 a second, half of what a station may send.
 const ROUTE_BATCH: usize = 5;
 const ROUTE_PACE: Duration = Duration::from_millis(10);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_client_has_ended_after_pings_that_it_left_unanswered() {
+        let mut pings = Pings::default();
+        for _ in 0..MAX_UNANSWERED {
+            assert_eq!(pings.sends(), Ok(()));
+        }
+        assert_eq!(pings.sends(), Err(WebRefusal::Dead));
+        pings.received();
+        assert_eq!(pings.sends(), Err(WebRefusal::TooSlow), "it sends");
+        // However long the bridge was stopped before this was read.
+        pings.answered();
+        assert_eq!(pings.sends(), Ok(()));
+    }
+}
