@@ -133,6 +133,27 @@ fn another_key_an_unlisted_id_and_one_that_is_no_web_client_open_nothing() {
 }
 
 #[test]
+fn the_end_of_a_connection_whose_key_has_verified_accuses_nobody() {
+    let mut rig = rig(1, None);
+    for why in [WebRefusal::Dead, WebRefusal::TooSlow] {
+        let number = rig.web[&0].number;
+        rig.web.clear();
+        let now = rig.now();
+        let bridge = rig.bridge.as_mut().expect("it runs");
+        bridge.close_web(now.mono, number, Some(why));
+        rig.run(1.5);
+        assert_eq!(refused(&rig, why.name()), 1);
+        let found = status(&rig)["findings"].to_string();
+        assert!(!found.contains("in its name"), "{found}");
+        rig.connect_web(0, &guard_key(cucs(0)))
+            .expect("the key in force");
+    }
+    let logged = |text: &str| rig.log.iter().any(|entry| entry.text.contains(text));
+    assert!(logged("web client disconnected: dead"), "{:?}", rig.log);
+    assert!(!logged("web client refused"), "{:?}", rig.log);
+}
+
+#[test]
 fn refusals_are_logged_and_a_flood_of_them_hides_nothing_else() {
     let mut rig = rig(1, None);
     let other = SigningKey::new([9; 32]).expect("not all zero");

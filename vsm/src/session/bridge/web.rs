@@ -169,17 +169,23 @@ impl Bridge {
         // Ids that nobody has are as many as somebody invents.
         let listed = |id: &Id| self.stations.iter().any(|one| one.id() == *id);
         let cucs = cucs.filter(listed);
-        if let Some(cucs) = cucs {
+        // Who has shown the key is nobody else: a slow network, or a browser that slept.
+        if let Some(cucs) = cucs.filter(|_| !why.is_of_verified()) {
             self.checks
                 .evidence
                 .note(now, from, Fault::Web(cucs, why.name()));
         }
         if self.web.logged.take(now, WEB_REFUSALS) {
             let reason = why.name().trim_start_matches("web: ");
+            let became = if why.is_of_verified() {
+                "disconnected"
+            } else {
+                "refused"
+            };
             self.records.log.push_back(LogEntry {
                 level: LogLevel::Warning,
                 about: cucs.unwrap_or(self.vsm),
-                text: format!("web client refused: {reason}, from {from}"),
+                text: format!("web client {became}: {reason}, from {from}"),
             });
         }
     }

@@ -96,6 +96,19 @@ impl WebRefusal {
         }
     }
 
+    /// Whether it ends the connection of a client that has shown its key, and says nothing of another in its name.
+    #[must_use]
+    pub const fn is_of_verified(self) -> bool {
+        matches!(
+            self,
+            WebRefusal::TooSlow
+                | WebRefusal::KeyGone
+                | WebRefusal::Replaced
+                | WebRefusal::Dead
+                | WebRefusal::Ends
+        )
+    }
+
     /// Whether it is no fault of anybody, and not counted.
     #[must_use]
     pub const fn is_usual(self) -> bool {
