@@ -12,7 +12,7 @@ const SHOWN_WITHIN_MS = 1000;
 export class Commands {
   #list;
   #say;
-  /** The newest first: {label, vehicle, state, kind, stamp, n, at}. */
+  /** The newest first: {name, what, vehicle, state, kind, stamp, n, at}. */
   #all = [];
   /** Texts of alerts whose last part is not there yet. */
   #parts = new Map();
@@ -25,11 +25,10 @@ export class Commands {
   }
 
   add(what, vehicle, stamp) {
-    const label = `${what}: ${name(vehicle)}`;
-    this.#say(`${label}: sent`, "");
-    const one = { label, vehicle: vehicle.id, state: "sent", kind: "", stamp, at: performance.now(), since: Date.now() };
+    const one = { name: name(vehicle), what, vehicle: vehicle.id, state: "sent", kind: "", stamp, at: performance.now(), since: Date.now() };
     this.#all.unshift(one);
     this.#all.length = Math.min(this.#all.length, MAX_SHOWN);
+    this.sayNewest();
     this.draw();
     return one;
   }
@@ -120,7 +119,7 @@ export class Commands {
     this.#all.forEach((one, i) => {
       one.row ??= document.createElement("li");
       one.row.className = one.kind;
-      set(one.row, `${time(one.since)} ${one.label}: ${one.state}`);
+      set(one.row, `${time(one.since)} ${one.name}: ${one.what}: ${one.state}`);
       if (this.#list.children[i] !== one.row) this.#list.insertBefore(one.row, this.#list.children[i] ?? null);
     });
     while (this.#list.children.length > this.#all.length) this.#list.lastChild.remove();
@@ -128,13 +127,13 @@ export class Commands {
 }
 
 /**
- * For a line that is cut where it is long: what went wrong, and why, comes first there; what was sent its reader knows. What a reason has
- * before "refused: " names that only.
+ * For a line that is cut where it is long, and stands under another vehicle once that is chosen: the vehicle comes first there, then what
+ * went wrong, and why; what was sent its reader knows. What a reason has before "refused: " names that only.
  */
-function inShort({ label, state, kind, reasons = [] }) {
-  if (kind !== "bad") return [`${label}: ${state}`, kind];
+function inShort({ name: vehicle, what, state, kind, reasons = [] }) {
+  if (kind !== "bad") return [`${vehicle}: ${what}: ${state}`, kind];
   const why = reasons.map((text) => text.replace(/^.*? refused: /, ""));
-  return [`${why.length > 0 ? ["REFUSED", ...why].join(": ") : state} (${label})`, kind];
+  return [`${vehicle}: ${why.length > 0 ? ["REFUSED", ...why].join(": ") : state} (${what})`, kind];
 }
 
 /** An answer to a message of this station, by what mapping.md says of their alerts. */

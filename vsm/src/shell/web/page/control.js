@@ -14,6 +14,8 @@ const by = (id) => document.getElementById(id);
 const MAX_ROUTE_BYTES = 250_000;
 // A bridge that is started again reads what it has stored; a controller may be silent for 10 s.
 const AGAIN_AFTER_MS = 1000;
+// Control that ends so soon after this station has given it up is not lost.
+const GIVEN_WITHIN_MS = 10_000;
 
 const idText = (id) => (typeof id === "string" ? id : (id >>> 0).toString(16).padStart(8, "0").replace(/(..)(?=.)/g, "$1:"));
 
@@ -31,6 +33,12 @@ export class Control {
   #leaves = false;
   /** The timer by which a connection that has broken is opened again. */
   #again = 0;
+  /** The ids of the vehicles that this station controls, by what the bridge has reported last. */
+  #controlled = new Set();
+  /** Of those that it has given up: when. */
+  #given = new Map();
+  /** Of those that it has lost, until it controls them again or has said so while it was connected. */
+  #lost = new Set();
   #vsm = null;
   #loi = [];
   #beat = null;
@@ -120,6 +128,8 @@ export class Control {
     this.#route = route;
     const vehicle = this.#chosen();
     const connected = this.#socket !== null;
+    this.#noteLosses();
+    if (connected) this.#sayLosses();
     by("sign-in").hidden = connected;
     by("station").hidden = !connected;
     for (const unit of document.querySelectorAll(".altitude-unit")) set(unit, altitudeUnit());
@@ -173,6 +183,8 @@ export class Control {
     by("sign-in").reset();
     by("station-id").value = id;
     by("key").placeholder = "as before";
+    // What another station has controlled was not this one's.
+    if (id !== this.#own) for (const known of [this.#controlled, this.#lost]) known.clear();
     [this.#own, this.#key, this.#leaves] = [id, key, false];
     set(by("station-name"), id);
     this.#say(`connected${broken ? " again" : ""} as ${id}; may hold LOI ${this.#loi.join(", ")}`, "good");
@@ -182,6 +194,28 @@ export class Control {
     this.draw();
     // Who was elsewhere when it broke stays there.
     if (!broken) by("take").focus();
+  }
+
+  #noteLosses() {
+    for (const { id, controller } of this.#own ? this.#all() : []) {
+      if (controller === this.#own) {
+        this.#controlled.add(id);
+        this.#lost.delete(id);
+      } else if (this.#controlled.delete(id)) {
+        const given = this.#leaves || performance.now() - (this.#given.get(id) ?? -Infinity) < GIVEN_WITHIN_MS;
+        this.#given.delete(id);
+        if (!given) this.#lost.add(id);
+      }
+    }
+  }
+
+  /** It is offered, and never taken by itself: somebody else may have decided meanwhile who is to fly. */
+  #sayLosses() {
+    const lost = this.#all().filter(({ id }) => this.#lost.has(id));
+    if (lost.length === 0) return;
+    this.#lost.clear();
+    const who = lost.map((one) => `${name(one)}: control is lost, ${one.controller ?? "nobody"} controls it now`);
+    this.#say(`${who.join("; ")}; to have it again, press ${by("take").textContent}`, "bad");
   }
 
   #connectSoon() {
@@ -220,9 +254,9 @@ export class Control {
    * Frames go in the order of their stamps: while a route takes stamps of its own, what follows waits for its end. False where
    * the connection has ended meanwhile: then nothing is sent.
    */
-  async #turn(label) {
+  async #turn(label, vehicle) {
     while (this.#underway) await this.#underway.ended;
-    if (!this.#socket) this.#say(`${label}: not sent: disconnected`, "bad");
+    if (!this.#socket) this.#say(`${name(vehicle)}: ${label}: not sent: disconnected`, "bad");
     return this.#socket !== null;
   }
 
@@ -232,7 +266,7 @@ export class Control {
   }
 
   async #command(label, make, vehicle = this.#chosen()) {
-    if (!vehicle || !(await this.#turn(label))) return;
+    if (!vehicle || !(await this.#turn(label, vehicle))) return;
     const message = make(vehicle);
     const one = this.#commands.add(label, vehicle, message.fields["Time Stamp"]);
     one.n = this.#socket.send({ message });
@@ -269,6 +303,7 @@ export class Control {
   async #release() {
     const vehicle = this.#chosen();
     if (!vehicle || !(await this.#mayLeave([vehicle], "release it", "Release"))) return;
+    this.#given.set(vehicle.id, performance.now());
     await this.#command("release", ({ id }) => messages.relinquish(id, this.#vsm), vehicle);
   }
 
@@ -364,7 +399,7 @@ export class Control {
       return false;
     }
     if (vehicle.armed !== false && !(await confirmed(`${name(vehicle)} may be flying: load the ${label} into it?`, "Load"))) return false;
-    if (!(await this.#turn(label))) return false;
+    if (!(await this.#turn(label, vehicle))) return false;
     const one = this.#commands.add(label, vehicle, null);
     this.#underway = { one };
     this.#underway.ended = new Promise((end) => { this.#underway.end = end; });
@@ -386,6 +421,7 @@ export class Control {
     // What came since the text was drawn was not read yet.
     if (!asked || asked !== this.#read) return this.draw();
     this.#asked.delete(vehicle.id);
+    if (yes) this.#given.set(vehicle.id, performance.now());
     const label = yes ? `hand over to ${asked.cucs}` : `refuse ${asked.cucs}`;
     this.#command(label, ({ id }) => messages.handOver(id, this.#vsm, asked.cucs, yes ? asked.levels : []), vehicle);
     return this.draw();
@@ -420,7 +456,7 @@ export class Control {
     if (!one) return;
     one.stamp = load;
     // Beside whatever becomes of it: an upload that is accepted is accepted without these.
-    if (lost.length > 0) one.label += `, without ${lost.join(", ")}`;
+    if (lost.length > 0) one.what += `, without ${lost.join(", ")}`;
     this.#commands.draw();
   }
 

@@ -34,10 +34,15 @@ let running = false;
 let begun = false;
 
 async function read(path, withinMs = WITHIN_MS) {
-  const answer = await fetch(path, { signal: AbortSignal.timeout(withinMs) });
-  if (!answer.ok) throw new Error(`${path}: ${answer.status}`);
+  const answer = await fetch(path, { signal: AbortSignal.timeout(withinMs) }).catch((fault) => {
+    throw isLate(fault) ? fault : new Error("it cannot be reached");
+  });
+  if (!answer.ok) throw new Error(`it answers ${path} with ${answer.status}`);
   return answer;
 }
+
+/** Also while an answer is read. */
+const isLate = ({ name }) => name === "TimeoutError";
 
 /** The vehicle that is shown; none until all of it is here. */
 const chosen = () => (list.chosen?.motion ? list.chosen : undefined);
@@ -150,7 +155,7 @@ async function refresh() {
     failed = true;
     // What is shown is old then, and the whole page says so.
     document.body.classList.add("lost");
-    connected(`no answer of the bridge: what is shown is old (${error.message})`, "bad");
+    connected(`no answer of the bridge: what is shown is old (${isLate(error) ? "it takes too long" : error.message})`, "bad");
     // Another bridge may answer next.
     nextEvent = 0;
   }

@@ -11,12 +11,18 @@ const idBytes = (id) => unhex(id.replaceAll(":", ""));
 const REASONS = {
   4001: "this ground station has connected from elsewhere",
   4003: "not authenticated: the key is not the one of this id, or the configuration does not list the id with web = true",
+  4004: "what this page sent did not verify",
+  4005: "what this page sent came in another order",
+  4006: "this page sent too much in one frame",
+  4007: "the bridge had no answer of this page for 15 s, or it read too slowly",
+  4008: "this page sent more than it may",
+  4009: "this page sent what the bridge cannot read: it may be of another version",
   4010: "the key was replaced or revoked",
   1001: "the bridge has ended",
   1006: "the connection broke",
 };
-// Neither end has wanted it so. A bridge that is stopped is often started again.
-const BREAKS = [1001, 1006];
+// Neither end has wanted it so: a bridge that is stopped is often started again, and who was taken for gone (4007) is back.
+const BREAKS = [1001, 1006, 4007];
 
 const UNREACHED = "the bridge does not answer, or control is not switched on ([web] control)";
 
