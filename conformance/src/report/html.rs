@@ -53,11 +53,11 @@ pub fn html(report: &Report, detail: Detail) -> String {
     out
 }
 
-/// The beginning of a page, up to its body.
+/// The beginning of a page, up to its content.
 pub(super) fn head(title: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
-         <title>{}</title><style>{STYLE}</style></head><body>\n",
+         <title>{}</title><style>{STYLE}</style></head><body><main>\n",
         escape(title)
     )
 }
@@ -450,7 +450,7 @@ fn foot(out: &mut String, report: &Report) {
     let _ = writeln!(
         out,
         "<p class=\"small\">This is no certificate. Firm: the clause was read in the judged edition. Carried over: it was read in Edition 2.5, or is \
-         known from secondary sources only. A broken \"should\" is a warning{}.</p><script>{SCRIPT}</script></body></html>",
+         known from secondary sources only. A broken \"should\" is a warning{}.</p></main><script>{SCRIPT}</script></body></html>",
         if report.strict {
             " in a run that is not strict; this one is"
         } else {

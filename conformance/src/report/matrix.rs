@@ -138,7 +138,7 @@ pub fn html(names: &[String], reports: &[Report], rows: &[Row]) -> String {
         names,
         &same,
     );
-    out.push_str("</body></html>\n");
+    out.push_str("</main></body></html>\n");
     out
 }
 

@@ -362,8 +362,19 @@ pub(crate) mod tests {
             .find(|rule| rule.disputed.as_deref() == Some("checksum_1"));
         assert!(disputed.is_some(), "the report has a disputed rule");
         assert!(page.contains("judged as &quot;crc16&quot; (as the profile reads it); the other reading is &quot;sum&quot;"));
+        let main = page.find("<main>").zip(page.find("</main>"));
+        assert!(main.is_some_and(|(begin, end)| begin < first && first < end));
         let brief = html::html(&report, html::Detail::Brief);
         assert!(brief.len() <= page.len());
+    }
+
+    #[test]
+    fn the_statement_has_the_date_of_the_run() {
+        let signed = statement::statement(&report(&Catalogue::embedded()));
+        assert!(
+            signed.contains("| Began | 2026-11-23T06:50:00Z |"),
+            "{signed}"
+        );
     }
 
     /// Checks a value by the part of JSON Schema that `report.schema.json` uses.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::Report;
+use super::{Report, utc};
 use crate::verdict::Verdict;
 
 /// The statement.
@@ -23,10 +23,7 @@ pub fn statement(report: &Report) -> String {
             "Catalogue",
             format!("{} of {}", report.catalogue.version, report.catalogue.date),
         ),
-        (
-            "Began",
-            format!("{} s since 1970-01-01 00:00 UTC", report.started),
-        ),
+        ("Began", utc(report.started)),
         ("Took", format!("{:.0} s", report.duration_s)),
     ];
     out.push_str("| | |\n|---|---|\n");
