@@ -553,6 +553,9 @@ def it_breaks(checks, browser, url, station, key):
     page.wait_for_timeout(2_500)
     checks.check("what was ended on purpose is not opened again", page.locator("#sign-in").is_visible() and len(between) == 4, len(between))
     checks.check("the console is empty", not opened.complaints, opened.complaints)
+    page.route("**/status.json*", lambda route: route.abort())
+    opened.until("document.getElementById('connection').textContent.endsWith('what is shown is old (it cannot be reached)')")
+    checks.check("a bridge that cannot be reached is named in words", True)
     opened.close()
 
 
