@@ -105,7 +105,7 @@ fn acknowledgements_name_what_was_sent(view: &View<'_>, found: &mut Found) {
 fn a_command_ends_once(view: &View<'_>, found: &mut Found) {
     let sent = sent(view);
     let mut ends: BTreeMap<(u32, i64, i64), Vec<i64>> = BTreeMap::new();
-    for seen in view.messages().filter(|seen| seen.kind() == 17000) {
+    for seen in view.once().filter(|seen| seen.kind() == 17000) {
         let (Some(kind), Some(stamp), Some(step)) = (
             seen.raw("Original Message Type"),
             seen.raw("Original Message Time Stamp"),
@@ -336,4 +336,59 @@ fn stamps_are_recent(view: &View<'_>, found: &mut Found) {
     found.check(seen, *median <= 3_000, || {
         format!("expected stamps of 4000 that tell when the data were captured; half of them are more than {:.1} s old when they arrive", *median as f64 / 1000.0)
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use stanag_msgs::Id;
+
+    use super::*;
+    use crate::bench::net::Datagram;
+    use crate::verdict::Verdict;
+    use crate::wire::Draft;
+
+    const STATION: Id = Id(0x1b00_00a0);
+    const VEHICLE: Id = Id(0x1b00_0101);
+
+    fn datagram(at_ms: u64, direction: Direction, bytes: Vec<u8>) -> Datagram {
+        let at = Duration::from_millis(at_ms);
+        let ends = (([127, 0, 0, 1], 1).into(), ([127, 0, 0, 1], 2).into());
+        Datagram::new((at, at), direction, 0, ends, bytes, None)
+    }
+
+    /// The verdict on a 2017 at 0 ms and its acknowledgements: when each arrived, and its own time stamp.
+    fn ends(acknowledgements: &[(u64, i64)]) -> Verdict {
+        let command = Draft::new(2017).raw("Time Stamp", 1_000).acked();
+        let command = command.encode(STATION, VEHICLE, 32, 1);
+        let mut datagrams = vec![datagram(0, Direction::Sent, command)];
+        for &(at_ms, stamp) in acknowledgements {
+            let done = Draft::new(17000)
+                .raw("Time Stamp", stamp)
+                .raw("Original Message Time Stamp", 1_000)
+                .raw("Original Message Type", 2017)
+                .raw("Acknowledgement Type", 2);
+            let done = done.encode(VEHICLE, STATION, 32, 1);
+            datagrams.push(datagram(at_ms, Direction::Received, done));
+        }
+        let profile = crate::profile::Profile::default();
+        let view = View {
+            datagrams: &datagrams,
+            profile: &profile,
+            survey: None,
+            live: true,
+            as_they_are: false,
+        };
+        let mut found = Found::default();
+        a_command_ends_once(&view, &mut found);
+        found.judgement().0.verdict
+    }
+
+    #[test]
+    fn an_acknowledgement_that_the_network_doubles_is_one() {
+        assert_eq!(ends(&[(10, 1_010)]), Verdict::Pass);
+        assert_eq!(ends(&[(10, 1_010), (12, 1_010)]), Verdict::Pass);
+        assert_eq!(ends(&[(10, 1_010), (12, 1_012)]), Verdict::Fail);
+    }
 }

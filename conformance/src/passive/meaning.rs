@@ -115,7 +115,7 @@ fn never_more_than_authorised(view: &View<'_>, found: &mut Found) {
 
 fn heartbeat_at_1_hz(view: &View<'_>, found: &mut Found) {
     let mut last = BTreeMap::new();
-    for seen in view.messages().filter(|seen| seen.kind() == 16002) {
+    for seen in view.once().filter(|seen| seen.kind() == 16002) {
         // A heartbeat that requests an acknowledgement checks an address (a VSM proves one so): it is sent in
         // addition to the periodic ones.
         if seen.piece.ack() {
@@ -225,7 +225,7 @@ fn values_and_text_of_an_alert(view: &View<'_>, found: &mut Found) {
 
 fn no_storms(view: &View<'_>, found: &mut Found) {
     let mut times: BTreeMap<(u32, usize, String), Vec<f64>> = BTreeMap::new();
-    for seen in view.messages().filter(|seen| seen.kind() == 16000) {
+    for seen in view.once().filter(|seen| seen.kind() == 16000) {
         let key = (
             seen.piece.destination.0,
             seen.socket,

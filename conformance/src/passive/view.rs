@@ -1,5 +1,6 @@
 //! The traffic that a judge reads, and what it finds.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use stanag_msgs::Id;
@@ -49,6 +50,16 @@ impl<'a> View<'a> {
         let as_they_are = self.as_they_are;
         self.of_subject()
             .flat_map(move |datagram| datagram.seen(as_they_are))
+    }
+
+    /// Messages of the subject without those that the network delivered twice: the same bytes, time stamp among them,
+    /// at the same socket. A message without a stamp may be sent in the same bytes again.
+    pub fn once(&self) -> impl Iterator<Item = &'a Arc<Seen>> {
+        let mut known = BTreeSet::new();
+        self.messages().filter(move |&seen| {
+            let same = (seen.socket, seen.kind(), &seen.piece.bytes);
+            seen.stamp().is_none() || known.insert(same)
+        })
     }
 
     /// Messages to the subject.
