@@ -147,17 +147,19 @@ impl Outputs {
 }
 
 /// Compares with the expected departures and prints the summary. Returns the exit status: 0 as expected, 1 an
-/// unexpected fail or an unused entry, 3 nothing could be judged.
+/// unexpected fail or an unused entry, 3 nothing could be judged, or a rule failed for which the network may be the
+/// cause.
 pub fn finish(report: &mut Report) -> u8 {
     let unused = expected::compare(report);
     summary(report);
     for line in &unused {
         eprint(line);
     }
-    if !report.judged() {
-        3
-    } else {
-        u8::from(!report.unexpected().is_empty() || !unused.is_empty())
+    let unexpected = !report.unexpected().is_empty() || !unused.is_empty();
+    match (report.judged(), unexpected) {
+        (true, true) => 1,
+        (true, false) if !report.excused() => 0,
+        _ => 3,
     }
 }
 
@@ -206,9 +208,11 @@ pub fn rounds(
     mut round: impl FnMut() -> Result<(Option<RuleReport>, bool), String>,
 ) -> Result<u8, String> {
     let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
+    let mut excused = false;
     for number in 1..=times {
         let (found, interrupted) = round()?;
         let Some(found) = found else { continue };
+        excused |= found.excused;
         *counts.entry(found.verdict.name()).or_default() += 1;
         print(&format!(
             "{number}: {} {}",
@@ -220,16 +224,18 @@ pub fn rounds(
         }
     }
     print(&format!("{rule}: {counts:?}"));
-    Ok(if counts.is_empty() {
+    let failed = counts.contains_key("fail");
+    Ok(if counts.is_empty() || excused && !failed {
         3
     } else {
-        u8::from(counts.contains_key("fail"))
+        u8::from(failed)
     })
 }
 
 /// Prints what was judged, in a few lines.
 pub fn summary(report: &Report) {
-    for rule in report.rules.iter().filter(|rule| rule.verdict.is_fail()) {
+    let shown = |rule: &&RuleReport| rule.verdict.is_fail() || rule.excused;
+    for rule in report.rules.iter().filter(shown) {
         print(&format!(
             "{} {} {}: {}",
             rule.verdict.name().to_uppercase(),
@@ -319,4 +325,37 @@ pub fn print(line: &str) {
 pub fn eprint(line: &str) {
     use std::io::Write;
     let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fail_that_the_network_may_have_caused_is_no_success() {
+        let rule = |verdict, excused| RuleReport {
+            verdict,
+            excused,
+            ..RuleReport::default()
+        };
+        let status = |rules: Vec<RuleReport>| {
+            finish(&mut Report {
+                rules,
+                ..Report::default()
+            })
+        };
+        let pass = rule(Verdict::Pass, false);
+        let excused = rule(Verdict::Inconclusive, true);
+        assert_eq!(status(vec![pass.clone()]), 0);
+        assert_eq!(
+            status(vec![pass.clone(), rule(Verdict::Inconclusive, false)]),
+            0
+        );
+        assert_eq!(status(vec![pass, excused.clone()]), 3);
+        assert_eq!(status(vec![rule(Verdict::Fail, false), excused]), 1);
+        let twice = rounds("ACK-007", 2, || {
+            Ok((Some(rule(Verdict::Inconclusive, true)), false))
+        });
+        assert_eq!(twice, Ok(3));
+    }
 }

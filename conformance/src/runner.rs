@@ -2,7 +2,8 @@
 //!
 //! A run begins with a discovery. It stops where another CUCS is in control. Then a tour makes traffic for the passive
 //! rules, and the scenes follow, from harmless to hostile. A fail is repeated twice: unequal results are flaky. After a fail
-//! the subject has to answer a discovery, or all that follows is inconclusive. A rule during which the subject was silent,
+//! the subject has to answer a discovery, or all that follows is inconclusive. A fail that may be a message which the
+//! network lost is inconclusive too, and the run no success. A rule during which the subject was silent,
 //! as it is while it restarts, is judged anew.
 
 use std::collections::BTreeSet;
@@ -11,7 +12,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::bench::context::Bench;
-use crate::bench::discovery::{alive, silence, survey};
+use crate::bench::discovery::{TRIPS, alive, silence, survey};
 use crate::bench::flight;
 use crate::bench::remarks::repeated;
 use crate::bench::station::{Access, loi};
@@ -52,8 +53,11 @@ const SILENT: f64 = 0.5;
 const RULE_TAKES: Duration = Duration::from_secs(4);
 /// The budget is multiplied by this on a network that loses nothing, because the computer may be slow.
 const PATIENCE: u32 = 2;
-/// Groups whose fails a single message proves, whatever else was lost.
-const OF_ONE_MESSAGE: &[&str] = &["WRAP", "SCALAR", "PV"];
+/// Rules whose judges of the traffic may miss a message that the network lost. What the others find, the messages that
+/// arrived show.
+const MISSES_WHAT_IS_LOST: &[&str] = &["ALERT-001", "HB-001", "PAYL-007", "STAT-012"];
+/// Introduces what is said of a subject that was silent in the clean-up of a rule.
+const SILENT_CLEAN_UP: &str = "the subject sent nothing for";
 /// Introduces the fields that a rule read although Edition 2.5 has none for them.
 const UNSEEN: &str = "Edition 2.5 has no field for what this rule also looks at:";
 
@@ -133,10 +137,7 @@ impl Run<'_> {
         match survey(&self.bench) {
             Ok(survey) => {
                 if survey.loss > WHOLE {
-                    self.remarks.push(format!(
-                        "{:.0} % of round trips were lost on the network",
-                        survey.loss * 100.0
-                    ));
+                    self.remarks.push(unanswered(survey.loss));
                 }
                 if let Some(occupied) = &survey.occupied {
                     self.remarks.push(format!(
@@ -372,6 +373,13 @@ impl Run<'_> {
         self.bench.survey.get().map_or(0.0, |survey| survey.loss)
     }
 
+    /// Whether the network loses datagrams. Where most answers are missing it is the subject that is taken to be silent,
+    /// and its fails are repeated as on any other network.
+    fn network_loses(&self) -> bool {
+        let loss = self.loss();
+        loss > WHOLE && loss < SILENT
+    }
+
     /// Begins the rule that waits longest in its own thread, with two ids that no other scene plays meanwhile. Not
     /// where no third id is left for the other rules, nor where few rules are run.
     fn begin_beside(&self, order: &[(&Rule, &rules::Scene)]) -> Option<Beside> {
@@ -447,6 +455,7 @@ impl Run<'_> {
         self.remarks
             .push(format!("ended early: {cause}; nothing more was commanded"));
         report.reason = format!("{cause}: {}", report.reason);
+        report.excused |= report.verdict.is_fail();
         report.verdict = Verdict::Inconclusive;
         Some(cause)
     }
@@ -505,21 +514,23 @@ impl Run<'_> {
             first = self.attempt(scene, report);
         }
         let mut attempts = Vec::new();
-        let mut judgement = repeated(first, &mut attempts, || {
+        let judgement = repeated(first, &mut attempts, || {
             // On a network that loses datagrams a fail proves nothing, and repeating it does not change that.
             let possible = self.options.repeat
-                && self.loss() <= WHOLE
+                && !self.network_loses()
                 && !self.options.expected.contains(&rule.id)
                 && !self.bench.net.interrupted()
                 && alive(&self.bench);
             possible.then(|| self.attempt(scene, report))
         });
         report.attempts.extend(attempts);
-        if judgement.verdict.is_fail() {
-            judgement = self.excused(judgement, dropped);
+        if judgement.reason.starts_with(SILENT_CLEAN_UP) {
+            self.remarks
+                .push(format!("{}: {}", rule.id, judgement.reason));
         }
-        let judgement = judgement.at_level(rule.level, self.options.strict);
+        let (judgement, excused) = self.weighed(rule, judgement, dropped);
         (report.verdict, report.reason) = (judgement.verdict, judgement.reason);
+        report.excused = excused;
         report.duration_s = (self.bench.net.now() - began).as_secs_f64();
         report.datagrams = Some((mark, self.bench.net.mark()));
     }
@@ -534,7 +545,7 @@ impl Run<'_> {
             || rule.needs.iter().any(|need| need == "restart");
         if passed
             || about_it
-            || self.loss() > WHOLE
+            || self.network_loses()
             || self.options.expected.contains(&rule.id)
             || self.bench.net.interrupted()
         {
@@ -543,29 +554,22 @@ impl Run<'_> {
         silence(&self.bench, mark).filter(|_| alive(&self.bench))
     }
 
-    /// Makes a fail inconclusive on a network that loses datagrams, or in a flood that is not read as a whole.
-    fn excused(&self, judgement: Judgement, dropped: usize) -> Judgement {
-        if self.bench.net.dropped() > dropped {
-            return Judgement::new(
-                Verdict::Inconclusive,
-                format!(
-                    "the subject floods, so that its answers may have been missed: {}",
-                    judgement.reason
-                ),
-            );
+    /// The judgement at the rule's level. A fail that no message shows is inconclusive on a network that loses datagrams,
+    /// or in a flood that is not read as a whole; then the second value is true.
+    fn weighed(&self, rule: &Rule, judgement: Judgement, dropped: usize) -> (Judgement, bool) {
+        let judgement = judgement.at_level(rule.level, self.options.strict);
+        if !judgement.verdict.is_fail() || judgement.shown {
+            return (judgement, false);
         }
-        let loss = self.loss();
-        if loss > WHOLE && loss < SILENT {
-            return Judgement::new(
-                Verdict::Inconclusive,
-                format!(
-                    "the network loses {:.0} % of round trips, which may be the cause of: {}",
-                    loss * 100.0,
-                    judgement.reason
-                ),
-            );
-        }
-        judgement
+        let cause = if self.bench.net.dropped() > dropped {
+            "the subject floods, so that its answers may have been missed".to_owned()
+        } else if self.network_loses() {
+            format!("{}, which may be the cause of", unanswered(self.loss()))
+        } else {
+            return (judgement, false);
+        };
+        let reason = format!("{cause}: {}", judgement.reason);
+        (Judgement::new(Verdict::Inconclusive, reason), true)
     }
 
     fn attempt(&self, scene: &rules::Scene, report: &mut RuleReport) -> Judgement {
@@ -590,14 +594,12 @@ impl Run<'_> {
             report
                 .notes
                 .push(format!("clean-up: {}", stop.judgement().reason));
-            // Silence may pass a rule about what must not be answered; it does not where the subject has stopped
-            // answering at all.
             let passed = matches!(judgement.verdict, Verdict::Pass | Verdict::Warning);
-            if passed && !self.bench.net.interrupted() && !alive(&self.bench) {
-                judgement = Judgement::new(
-                    Verdict::Fail,
-                    "expected the subject to answer a discovery after what this rule sent; it answers none",
-                );
+            if passed && !self.bench.net.interrupted() {
+                let answers = alive(&self.bench);
+                // On a network that loses datagrams a release may be unanswered without any silence of the subject.
+                let silence = silence(&self.bench, end).filter(|_| !self.network_loses());
+                judgement = after_clean_up(judgement, answers, silence);
             }
         }
         report.notes.extend(trial.notes());
@@ -734,13 +736,8 @@ impl Run<'_> {
                 let reason = "a defect of the suite, not of the subject: its judge panicked";
                 (Judgement::new(Verdict::Inconclusive, reason), Vec::new())
             });
-            let alone = OF_ONE_MESSAGE
-                .iter()
-                .any(|group| rule.id.starts_with(group));
-            if judgement.verdict.is_fail() && !alone {
-                judgement = self.excused(judgement, self.bench.net.dropped());
-            }
-            let judgement = judgement.at_level(rule.level, self.options.strict);
+            judgement.shown = !MISSES_WHAT_IS_LOST.contains(&rule.id.as_str());
+            let (judgement, excused) = self.weighed(rule, judgement, self.bench.net.dropped());
             let index = reports
                 .iter()
                 .position(|report| report.id == rule.id)
@@ -752,7 +749,8 @@ impl Run<'_> {
                     reports.len() - 1
                 });
             let report = &mut reports[index];
-            let not_seen = judgement.verdict == Verdict::Inconclusive;
+            let not_seen = judgement.verdict == Verdict::Inconclusive && !excused;
+            report.excused |= excused;
             // "Not seen" in the traffic does not weaken what a scene has shown; two judges of one rule add up.
             if not_seen && report.verdict != Verdict::Skipped {
                 continue;
@@ -774,6 +772,34 @@ impl Run<'_> {
                 report.evidence = evidence.iter().map(|seen| seen.evidence()).collect();
             }
         }
+    }
+}
+
+/// What a loss at the beginning of the run is called, 0 to 1. Whether the network or the subject lost them is not known.
+fn unanswered(loss: f64) -> String {
+    format!(
+        "{:.0} of {TRIPS} discoveries were not answered, not even late",
+        loss * TRIPS as f64
+    )
+}
+
+/// The judgement of a rule that passed, and whose release of control was not confirmed. Silence may pass a rule about
+/// what must not be answered; it does not where the subject has stopped answering at all, or died of the release and was
+/// restarted.
+fn after_clean_up(judgement: Judgement, answers: bool, silence: Option<Duration>) -> Judgement {
+    match silence {
+        _ if !answers => Judgement::new(
+            Verdict::Fail,
+            "expected the subject to answer a discovery after what this rule sent; it answers none",
+        ),
+        Some(silence) => Judgement::new(
+            Verdict::Warning,
+            format!(
+                "{SILENT_CLEAN_UP} {:.1} s when control was released after this rule, as in a crash; it answers again",
+                silence.as_secs_f64()
+            ),
+        ),
+        None => judgement,
     }
 }
 
@@ -915,4 +941,21 @@ fn tour(t: &Trial) -> Judged {
     }
     t.pause(t.timers().status.min(Duration::from_secs(3)))?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_crash_in_the_clean_up_is_no_pass() {
+        let verdict = |answers, silence_s: Option<u64>| {
+            let silence = silence_s.map(Duration::from_secs);
+            after_clean_up(Judgement::pass(), answers, silence).verdict
+        };
+        assert_eq!(verdict(true, None), Verdict::Pass);
+        assert_eq!(verdict(true, Some(6)), Verdict::Warning);
+        assert_eq!(verdict(false, Some(6)), Verdict::Fail);
+        assert_eq!(verdict(false, None), Verdict::Fail);
+    }
 }

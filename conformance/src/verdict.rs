@@ -95,6 +95,8 @@ pub struct Judgement {
     pub verdict: Verdict,
     /// Why; empty for a plain pass.
     pub reason: String,
+    /// Whether a message that arrived shows it: what the network may have lost is then not the cause.
+    pub shown: bool,
 }
 
 impl Judgement {
@@ -104,6 +106,7 @@ impl Judgement {
         Self {
             verdict,
             reason: without_options(&reason.into()),
+            shown: false,
         }
     }
 

@@ -13,6 +13,8 @@ pub struct Remarks<S> {
     warnings: RefCell<Vec<String>>,
     notes: RefCell<Vec<String>>,
     cited: RefCell<Vec<Arc<S>>>,
+    /// Reasons of fails that a message that arrived shows by itself.
+    shown: RefCell<Vec<String>>,
 }
 
 impl<S> Default for Remarks<S> {
@@ -21,6 +23,7 @@ impl<S> Default for Remarks<S> {
             warnings: RefCell::default(),
             notes: RefCell::default(),
             cited: RefCell::default(),
+            shown: RefCell::default(),
         }
     }
 }
@@ -53,11 +56,30 @@ impl<S> Remarks<S> {
         }
     }
 
-    /// Fails with this message as evidence unless `holds`.
+    /// Fails with this message as evidence unless `holds`. The message has to show the fault by itself: a network that
+    /// loses others does not excuse it.
     ///
     /// # Errors
     /// The fail, with the reason.
     pub fn expect_of(&self, seen: &Arc<S>, holds: bool, reason: impl FnOnce() -> String) -> Judged {
+        let result = self.expect_beside(seen, holds, reason);
+        if let Err(Stop::Fail(reason)) = &result {
+            self.shown.borrow_mut().push(reason.clone());
+        }
+        result
+    }
+
+    /// As [`Self::expect_of`], where the fault may also be that another message did not arrive: a command whose effect
+    /// the message reports, or one of several answers.
+    ///
+    /// # Errors
+    /// The fail, with the reason.
+    pub fn expect_beside(
+        &self,
+        seen: &Arc<S>,
+        holds: bool,
+        reason: impl FnOnce() -> String,
+    ) -> Judged {
         self.cite(seen);
         self.expect(holds, reason)
     }
@@ -75,7 +97,14 @@ impl<S> Remarks<S> {
                 Some(warning) => Judgement::new(Verdict::Warning, warning.clone()),
                 None => Judgement::pass(),
             },
-            Ok(Err(stop)) => stop.judgement(),
+            Ok(Err(stop)) => {
+                let shown =
+                    matches!(&stop, Stop::Fail(reason) if self.shown.borrow().contains(reason));
+                Judgement {
+                    shown,
+                    ..stop.judgement()
+                }
+            }
             Err(panic) => {
                 let text = panic
                     .downcast_ref::<String>()
@@ -127,8 +156,47 @@ pub fn repeated(
         attempts.push(other.verdict);
         if matches!(other.verdict, Verdict::Pass | Verdict::Warning) {
             let reason = format!("fails at times: {}", first.reason);
-            return Judgement::new(Verdict::Flaky, reason);
+            return Judgement {
+                shown: first.shown,
+                ..Judgement::new(Verdict::Flaky, reason)
+            };
         }
     }
     first
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether the fail of this scene is shown by a message that arrived.
+    fn shown(play: impl FnOnce(&Remarks<i32>) -> Judged) -> bool {
+        let remarks = Remarks::default();
+        let judgement = remarks.judge(|| play(&remarks));
+        assert_eq!(judgement.verdict, Verdict::Fail);
+        judgement.shown
+    }
+
+    #[test]
+    fn only_a_message_that_arrived_shows_a_fail() {
+        let answer = Arc::new(3);
+        assert!(shown(|remarks| {
+            remarks.expect_of(&answer, false, || "expected 17000 type 2, got 3".into())
+        }));
+        assert!(!shown(|remarks| {
+            remarks.expect_beside(&answer, false, || "expected its end; none came".into())
+        }));
+        assert!(!shown(|remarks| {
+            // What was caught, and did not end the scene, is not its fail.
+            let caught = remarks.expect_of(&answer, false, || "expected 2, got 3".into());
+            assert!(caught.is_err());
+            remarks.expect(false, || "expected 17000; none came".into())
+        }));
+        let first = Judgement {
+            shown: true,
+            ..Judgement::new(Verdict::Fail, "expected 2, got 3")
+        };
+        let flaky = repeated(first, &mut Vec::new(), || Some(Judgement::pass()));
+        assert_eq!((flaky.verdict, flaky.shown), (Verdict::Flaky, true));
+    }
 }

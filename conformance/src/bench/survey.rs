@@ -21,7 +21,7 @@ pub struct Survey {
     pub data_links: bool,
     /// Whether one of these data links was free.
     pub links_available: bool,
-    /// Share of round trips that were lost, 0 to 1.
+    /// Share of round trips that were lost, 0 to 1: those that were answered late are not.
     pub loss: f64,
     /// Who else is in control, where the run must not begin.
     pub occupied: Option<String>,

@@ -21,7 +21,7 @@ use crate::rules;
 #[command(
     name = "dli-check",
     version,
-    after_help = "Exit status: 0 as expected, 1 unexpected fail, 2 bad profile or usage, 3 nothing could be judged."
+    after_help = "Exit status: 0 as expected, 1 unexpected fail, 2 bad profile or usage, 3 nothing could be judged, or a fail that the network may have caused."
 )]
 struct Cli {
     #[command(subcommand)]

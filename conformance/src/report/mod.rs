@@ -111,6 +111,10 @@ pub struct RuleReport {
     pub disputed: Option<String>,
     /// Verdicts of the repetitions.
     pub attempts: Vec<Verdict>,
+    /// Whether it failed, and is inconclusive only because something else may be the cause: the network, a flood, another
+    /// CUCS.
+    #[serde(default)]
+    pub excused: bool,
     /// How long it took.
     pub duration_s: f64,
     /// Messages.
@@ -178,6 +182,7 @@ impl RuleReport {
             breaks: rule.breaks.clone(),
             disputed: rule.disputed.clone(),
             attempts: Vec::new(),
+            excused: false,
             duration_s: 0.0,
             evidence: Vec::new(),
             datagrams: None,
@@ -203,6 +208,12 @@ impl Report {
         self.rules.iter().any(|rule| {
             rule.verdict.is_fail() || matches!(rule.verdict, Verdict::Pass | Verdict::Warning)
         })
+    }
+
+    /// Whether a rule failed and something else may be the cause: the run does not show that the rule holds.
+    #[must_use]
+    pub fn excused(&self) -> bool {
+        self.rules.iter().any(|rule| rule.excused)
     }
 
     /// Fails that no departure expects.
@@ -452,6 +463,26 @@ pub(crate) mod tests {
         wrong["rules"][1]["colour"] = "red".into();
         wrong.as_object_mut().unwrap().remove("started");
         assert_eq!(check(&wrong).len(), 3, "{:?}", check(&wrong));
+    }
+
+    #[test]
+    fn the_statement_names_what_could_not_be_judged() {
+        let mut report = report(&Catalogue::embedded());
+        report.rules.retain(|rule| !rule.verdict.is_fail());
+        let open = report
+            .rules
+            .iter()
+            .find(|rule| rule.verdict == Verdict::Inconclusive);
+        let line = open.map(|rule| format!("- **{}** {}", rule.id, rule.title));
+        let text = statement::statement(&report);
+        assert!(text.contains("None of those that were judged"), "{text}");
+        assert!(text.contains(&line.unwrap()), "{text}");
+        report
+            .rules
+            .retain(|rule| rule.verdict != Verdict::Inconclusive);
+        let text = statement::statement(&report);
+        assert!(text.contains("## Rules that fail\n\nNone.\n"), "{text}");
+        assert!(!text.contains("could not be judged"), "{text}");
     }
 
     #[test]

@@ -57,8 +57,25 @@ pub fn statement(report: &Report) -> String {
             rule.id, rule.title, rule.reason
         );
     }
-    if !any {
-        out.push_str("None.\n");
+    let open: Vec<_> = (report.rules.iter())
+        .filter(|rule| rule.verdict == Verdict::Inconclusive)
+        .collect();
+    match (any, open.is_empty()) {
+        (true, _) => {}
+        (false, true) => out.push_str("None.\n"),
+        (false, false) => {
+            let _ = writeln!(
+                out,
+                "None of those that were judged; {} could not be judged, as named below.",
+                open.len()
+            );
+        }
+    }
+    if !open.is_empty() {
+        out.push_str("\n## Rules that could not be judged\n\n");
+    }
+    for rule in open {
+        let _ = writeln!(out, "- **{}** {}: {}", rule.id, rule.title, rule.reason);
     }
     if !report.remarks.is_empty() {
         out.push_str("\n## Remarks\n\n");

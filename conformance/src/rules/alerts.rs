@@ -168,7 +168,7 @@ fn the_reference_can_be_asked_for(t: &Trial) -> Judged {
                 && seen.raw("Original Message Type") == Some(15001)
                 && seen.raw("Acknowledgement Type") == Some(2)
     });
-    t.expect_of(&alert, more.is_some(), || {
+    t.expect_beside(&alert, more.is_some(), || {
         format!("expected report reference -1 in 16000 where nothing more can be asked, got {reference}, and 15001 with it brings nothing")
     })
 }

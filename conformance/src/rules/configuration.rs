@@ -108,7 +108,7 @@ fn configuration_ends_with_complete(t: &Trial) -> Judged {
         |seen| seen.kind() == 41005,
     )?;
     let answers = station.received(mark, is_answer);
-    t.expect_of(
+    t.expect_beside(
         &complete,
         answers.iter().any(|seen| seen.at <= complete.at),
         || "expected configuration messages before 41005; it came first".into(),
@@ -341,7 +341,7 @@ fn values_work_or_are_listed(t: &Trial, a: &Station, configuration: &[Arc<Seen>]
             });
             let Some(end) = end else { continue };
             let refused = end.raw("Acknowledgement Type") == Some(3);
-            t.expect_of(&end, refused == listed.contains(&value), || {
+            t.expect_beside(&end, refused == listed.contains(&value), || {
                 if refused {
                     format!("expected {field} {value} of 2017 to be listed by 44003, since it is refused; it is not")
                 } else {
@@ -483,7 +483,7 @@ fn expect_change_reported(
             )));
         };
         let enable = last.raw("Enumerated Index Enable").unwrap_or_default();
-        t.expect_of(last, (enable < 0) == gone, || {
+        t.expect_beside(last, (enable < 0) == gone, || {
             format!("expected 44003 to say that mode {mode} has become {what}, as the configuration lists it; Enumerated Index Enable is {enable}")
         })?;
     }

@@ -757,7 +757,7 @@ fn loiter_where_and_how_commanded(t: &Trial) -> Judged {
     // Edition 2.5 reports no loiter.
     if !t.of_edition_25() {
         let shown = a.query(3004)?;
-        t.expect_of(
+        t.expect_beside(
             &shown,
             shown
                 .value("Loiter Radius")
@@ -796,7 +796,7 @@ fn loiter_where_and_how_commanded(t: &Trial) -> Judged {
     {
         let off = ((north - latitude) * EARTH_M)
             .hypot(wrapped(east - longitude) * latitude.cos() * EARTH_M);
-        t.expect_of(&shown, off < 5.0, || {
+        t.expect_beside(&shown, off < 5.0, || {
             format!("expected the commanded loiter place with To = 65535 in 4001; it shows one {off:.0} m away")
         })?;
     }

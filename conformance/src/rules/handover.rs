@@ -480,7 +480,7 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
         let cleared = a.received(mark, |seen| {
             seen.kind() == 16000 && seen.raw("Priority") == Some(0) && of(seen) == of(&raised)
         });
-        t.expect_of(&raised, !cleared.is_empty(), || {
+        t.expect_beside(&raised, !cleared.is_empty(), || {
             format!("expected alert {} about the silence to be cleared when the holder's heartbeats came again; it was not", of(&raised))
         })?;
     }

@@ -277,7 +277,7 @@ fn termination_state_is_reported(t: &Trial) -> Judged {
         }
         let asked = a.query(3005)?;
         let state = asked.raw("Reported Flight Termination State");
-        t.expect_of(&asked, state == Some(step), || {
+        t.expect_beside(&asked, state == Some(step), || {
             format!("expected 3005 on request to show state {step} after {name}, got {state:?}")
         })?;
     }
@@ -385,7 +385,7 @@ fn engine_command_and_report_agree(t: &Trial) -> Judged {
             let report = report_of(engine)?;
             if matches!(report.raw("Engine Status"), Some(1 | 2)) {
                 let command = report.raw("Reported Engine Command");
-                t.expect_of(&report, command == Some(1), || {
+                t.expect_beside(&report, command == Some(1), || {
                     format!(
                         "expected Reported Engine Command 1 in 3007 after a start, got {command:?}"
                     )
@@ -402,7 +402,7 @@ fn engine_command_and_report_agree(t: &Trial) -> Judged {
         let other = report_of(first)?;
         let runs = matches!(other.raw("Engine Status"), Some(1 | 2));
         let ran = matches!(before.raw("Engine Status"), Some(1 | 2));
-        t.expect_of(&other, ran || !runs, || {
+        t.expect_beside(&other, ran || !runs, || {
             format!("expected 2008 for engine {last} to start that one; 3007 shows engine {first} started")
         })?;
         let again = start(first)?;
@@ -430,7 +430,7 @@ fn engine_command_and_report_agree(t: &Trial) -> Judged {
     if refused.is_empty() {
         let report = report_of(engine)?;
         let command = report.raw("Reported Engine Command");
-        t.expect_of(&report, command == Some(0), || {
+        t.expect_beside(&report, command == Some(0), || {
             format!("expected Reported Engine Command 0 in 3007 after a stop, got {command:?}")
         })?;
         let deadline = t.bench.net.now() + t.timers().begin.min(t.timers().answer * 5);
@@ -440,7 +440,7 @@ fn engine_command_and_report_agree(t: &Trial) -> Judged {
             last = report_of(engine)?;
         }
         let status = last.raw("Engine Status");
-        t.expect_of(&last, status.unwrap_or_default() == 0, || {
+        t.expect_beside(&last, status.unwrap_or_default() == 0, || {
             format!(
                 "expected engine {engine} stopped (Engine Status 0) after a stop, got {status:?}"
             )
@@ -482,7 +482,7 @@ fn lights_are_set_as_a_whole(t: &Trial) -> Judged {
         t.expect_of(&shown, lights & RESERVED_LIGHT == 0, || {
             format!("expected no reserved bit in 3006, got 0x{lights:02x}")
         })?;
-        t.expect_of(&shown, lights & !wanted == 0, || {
+        t.expect_beside(&shown, lights & !wanted == 0, || {
             format!(
                 "expected lights 0x{wanted:02x} after 2007 and no other, 3006 shows 0x{lights:02x}"
             )

@@ -134,7 +134,7 @@ fn one_configuration_for_each_station(t: &Trial) -> Judged {
             .raw("Payload Stations Available 1-16")
             .unwrap_or_default()
             & !all;
-        t.expect_of(seen, lacking == 0, || {
+        t.expect_beside(seen, lacking == 0, || {
             format!("expected 21000 for each of Payload Stations Available; none came for the bits 0x{lacking:04x}")
         })?;
         t.expect_of(seen, named.count_ones() <= 1, || {
@@ -324,7 +324,7 @@ fn pointing_mode_decides(t: &Trial) -> Judged {
     t.expect(turns(t, &a, station, target, t.timers().begin)?, || "expected the sensor 30 degrees to the right in pointing mode 1; its report does not show it".into())?;
     let state = a.query(21101)?;
     let elevation = state.value("Actual Centreline Elevation Angle");
-    t.expect_of(&state, elevation.is_none_or(|found| wrapped(found + 0.2).abs() < 0.1), || {
+    t.expect_beside(&state, elevation.is_none_or(|found| wrapped(found + 0.2).abs() < 0.1), || {
         format!("expected an elevation of -0.2 rad (down) as commanded, the report shows {elevation:?}")
     })?;
     a.send(steer(station, -target).acked());
@@ -333,7 +333,7 @@ fn pointing_mode_decides(t: &Trial) -> Judged {
             .into()
     })?;
     let shown = state.raw("Pointing Mode State");
-    t.expect_of(&state, shown.is_none_or(|shown| shown == 1), || {
+    t.expect_beside(&state, shown.is_none_or(|shown| shown == 1), || {
         format!("expected pointing mode 1 in 21101 after 19100 with it, got {shown:?}")
     })?;
     slew_rates(t, &a, station)?;
@@ -382,7 +382,7 @@ fn slew_rates(t: &Trial, a: &Station, station: u8) -> Judged {
         |seen| seen.kind() == 21101 && seen.raw("Station Number 1-16") == Some(bit(station)),
     )?;
     let shown = state.raw("Pointing Mode State");
-    t.expect_of(&state, shown.is_none_or(|shown| shown == 2), || {
+    t.expect_beside(&state, shown.is_none_or(|shown| shown == 2), || {
         format!("expected pointing mode 2 in 21101 after 19100 with it, got {shown:?}")
     })?;
     a.send(slew(0.0, 0.0));
@@ -574,7 +574,7 @@ fn no_image_centre_above_the_horizon(t: &Trial) -> Judged {
             .is_some_and(|elevation| elevation > 0.1);
         if up {
             let valid = state.raw("Image Position");
-            t.expect_of(&state, valid.unwrap_or_default() == 0, || {
+            t.expect_beside(&state, valid.unwrap_or_default() == 0, || {
                 format!("expected no valid image centre in 21101 while the camera looks above the horizon, got Image Position {valid:?}")
             })?;
             a.send(steer(station, 0.0).acked());

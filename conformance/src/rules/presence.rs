@@ -108,7 +108,7 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
         let done = carried_out(t, &a, &sent, t.timers().answer / 4)?;
         let mut report = a.query(3004)?;
         if done.is_some() {
-            t.expect_of(&report, report.raw(field) == Some(value), || {
+            t.expect_beside(&report, report.raw(field) == Some(value), || {
                 format!("expected {field} {value} in 3004 after a 2017 with it alone that was carried out, got {:?}", report.raw(field))
             })?;
         }
@@ -121,7 +121,7 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
                 seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(3)
             });
             let turned = a.query(3004)?;
-            t.expect_of(&turned, turned.raw(field) == Some(other) || !refused.is_empty() && turned.raw(field).is_none(), || {
+            t.expect_beside(&turned, turned.raw(field) == Some(other) || !refused.is_empty() && turned.raw(field).is_none(), || {
                 format!("expected a 2017 with {field} only to be carried out; 3004 shows {:?}, expected {other}", turned.raw(field))
             })?;
             report = turned;
@@ -145,7 +145,7 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
         }
         last = report.clone();
         let radius = report.value("Loiter Radius");
-        t.expect_of(&report, radius.is_some_and(|radius| (radius - 150.0).abs() < 0.8), || {
+        t.expect_beside(&report, radius.is_some_and(|radius| (radius - 150.0).abs() < 0.8), || {
             format!("expected the radius of 150 m to stay after a 2017 with {field} only; 3004 shows {radius:?}")
         })?;
     }

@@ -302,7 +302,7 @@ fn turn_rate_keeps_its_scale(t: &Trial) -> Judged {
         states = a.query(3002)?;
     }
     let found = states.raw("Commanded Turn Rate");
-    t.expect_of(&states, found == Some(500), || {
+    t.expect_beside(&states, found == Some(500), || {
         format!("expected the raw turn rate 500 in 3002, got {found:?}")
     })?;
     // The scale of the turn rate is disputed, the sign is not: positive is clockwise, in the heading and in 4000.

@@ -491,7 +491,7 @@ fn accepted_values_are_shown(t: &Trial) -> Judged {
         seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(3)
     });
     if refused.is_empty() && shown.has("Commanded Altitude") {
-        t.expect_of(&shown, shown.raw("Commanded Altitude") == raw, || {
+        t.expect_beside(&shown, shown.raw("Commanded Altitude") == raw, || {
             format!(
                 "expected 3002 to show the accepted altitude of {:.1} m, got {:?}",
                 now.altitude + CLIMB_M,
@@ -499,7 +499,7 @@ fn accepted_values_are_shown(t: &Trial) -> Judged {
             )
         })?;
         let kind = shown.raw("Altitude Type");
-        t.expect_of(&shown, kind == Some(now.altitude_type), || {
+        t.expect_beside(&shown, kind == Some(now.altitude_type), || {
             format!(
                 "expected 3002 to show altitude type {}, as commanded; got {kind:?}",
                 now.altitude_type
@@ -571,7 +571,7 @@ fn steering_is_shown(t: &Trial, a: &Station) -> Judged {
             shown = a.query(3002)?;
         }
         for pair in &fields {
-            t.expect_of(&shown, wanted(&shown, pair), || {
+            t.expect_beside(&shown, wanted(&shown, pair), || {
                 let value = field(&draft, pair.0);
                 format!("expected {} {value:?} (as on the wire) in 3002 after a 2016 with it was carried out, got {:?}", pair.1, shown.raw(pair.1))
             })?;
@@ -602,7 +602,7 @@ fn commanded_values_are_the_accepted_ones(t: &Trial) -> Judged {
     let after = a.query(3002)?;
     for (name, refused) in others {
         let taken = after.raw(name) == refused && was.raw(name) != refused;
-        t.expect_of(&after, done.is_some() || !taken, || {
+        t.expect_beside(&after, done.is_some() || !taken, || {
             format!("expected {name} of a 2016 that was refused for its altitude not to be shown by 3002; it is")
         })?;
     }

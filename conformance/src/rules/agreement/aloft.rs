@@ -510,7 +510,7 @@ fn the_later_2016_stays(t: &Trial, a: &Station) -> Judged {
     t.pause(t.timers().quiet / 3)?;
     let shown = a.query(3002)?;
     let named = shown.raw("Commanded Speed");
-    t.expect_of(&shown, named == late, || {
+    t.expect_beside(&shown, named == late, || {
         format!("expected a 2016 that a later one has overtaken not to undo it; 3002 shows the speed {named:?}, expected {late:?} (as on the wire)")
     })
 }
@@ -569,7 +569,7 @@ fn values_of_2016_work_or_are_listed(t: &Trial) -> Judged {
             let Some(end) = last else { continue };
             let no = end.raw("Acknowledgement Type") == Some(3);
             if result.is_ok() {
-                result = t.expect_of(&end, no == listed.contains(&value), || {
+                result = t.expect_beside(&end, no == listed.contains(&value), || {
                     if no {
                         format!("expected {field} {value} of 2016 to be listed by 44003, since it is refused; it is not")
                     } else {

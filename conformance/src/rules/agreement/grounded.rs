@@ -332,7 +332,7 @@ fn no_name_of_a_plan_that_is_gone(t: &Trial) -> Judged {
         t.pause(Duration::from_millis(100))?;
         shown = a.query(3)?;
     }
-    t.expect_of(
+    t.expect_beside(
         &shown,
         shown.text("Mission ID").as_deref() != Some(&name),
         || format!("expected #3 not to name mission {name} any more once it was cleared"),
@@ -371,7 +371,7 @@ fn the_termination_mode_is_shown(t: &Trial) -> Judged {
         }
         let shown = a.query(3005)?;
         let named = shown.raw("Reported Flight Termination Mode");
-        result = t.expect_of(&shown, named.is_none_or(|named| named == mode), || {
+        result = t.expect_beside(&shown, named.is_none_or(|named| named == mode), || {
             format!(
                 "expected 3005 to show termination mode {mode} once it was armed, got {named:?}"
             )
