@@ -242,7 +242,7 @@ fn the_state_of_a_link_on_request(t: &Trial) -> Judged {
 }
 
 /// The subsystem of alerts about links.
-const COMMS: i64 = 3;
+pub(super) const COMMS: i64 = 3;
 
 /// How long after the loss of the vehicle the alert about it may come.
 const LOSS_REPORTED_WITHIN: Duration = Duration::from_secs(10);

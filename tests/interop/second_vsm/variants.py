@@ -2,7 +2,7 @@
 import socket
 from dataclasses import replace as with_values
 
-from .alerts import CAUTION, VSM_STATUS
+from .alerts import CAUTION, ELECTRICAL
 from .change import each, replace, table
 from .configuration import MODE_FIELD, Named
 from .steering import NO_MODE
@@ -127,7 +127,7 @@ def _(vsm):
             if v.now() - sent[0] < 3:
                 return
             sent[0] = v.now()
-            v.alerts.raise_(f"extra {sent[0]}", CAUTION, VSM_STATUS, "cabin light left on", v.now(), 3)
+            v.alerts.raise_(f"extra {sent[0]}", CAUTION, ELECTRICAL, "cabin light left on", v.now(), 3)
             for cucs in v.authority.watching():
                 v.report(cucs, *v.configuration.value(2007, "Set Lights", 0, 0))
                 wire = HEADER.pack(0, 8, v.id, cucs, 60000, 32 << 8) + b"\x01" + bytes(7)
