@@ -56,6 +56,10 @@ pub(super) const JUDGES: &[Judge] = &[
         rule: "DISC-009",
         judge: the_tail_number_of_the_profile,
     },
+    Judge {
+        rule: "DISC-009",
+        judge: one_tail_number_at_a_time,
+    },
 ];
 
 /// Messages of one kind from one vehicle at one socket belong together.
@@ -462,5 +466,73 @@ fn the_tail_number_of_the_profile(view: &View<'_>, found: &mut Found) {
         found.check(seen, named == *expected || named == "0", || {
             format!("expected the tail number {expected:?} of the profile in #3, got {named:?}")
         });
+    }
+}
+
+/// A vehicle may be given another tail number, but one that returns to a number before it has two at once.
+fn one_tail_number_at_a_time(view: &View<'_>, found: &mut Found) {
+    let mut known: BTreeMap<u32, Vec<String>> = BTreeMap::new();
+    for seen in view.messages().filter(|seen| seen.kind() == 3) {
+        let named = seen.text("Tail Number").unwrap_or_default();
+        // A logical id is named by "0".
+        if ["", "0"].contains(&named.as_str()) {
+            continue;
+        }
+        let numbers = known.entry(seen.piece.source.0).or_default();
+        let place = numbers.iter().position(|number| *number == named);
+        let last = numbers.len().saturating_sub(1);
+        found.check(seen, place.is_none_or(|place| place == last), || {
+            format!(
+                "expected one tail number of {} in #3; it is {named:?} again after others",
+                seen.piece.source
+            )
+        });
+        if place.is_none() {
+            numbers.push(named);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::net::Datagram;
+    use crate::verdict::Verdict;
+    use crate::wire::Draft;
+
+    fn verdict(tail_numbers: &[&str]) -> Verdict {
+        let datagrams: Vec<Datagram> = tail_numbers
+            .iter()
+            .map(|named| {
+                let bytes = Draft::new(3).text("Tail Number", named.as_bytes()).encode(
+                    Id(0x1b00_0101),
+                    Id(0x1b00_00a0),
+                    32,
+                    1,
+                );
+                let at = Duration::ZERO;
+                let ends = (([127, 0, 0, 1], 1).into(), ([127, 0, 0, 1], 2).into());
+                Datagram::new((at, at), Direction::Received, 0, ends, bytes, None)
+            })
+            .collect();
+        let profile = crate::profile::Profile::default();
+        let view = View {
+            datagrams: &datagrams,
+            profile: &profile,
+            survey: None,
+            live: true,
+            as_they_are: false,
+        };
+        let mut found = Found::default();
+        one_tail_number_at_a_time(&view, &mut found);
+        found.judgement().0.verdict
+    }
+
+    #[test]
+    fn a_tail_number_may_change_but_not_return() {
+        assert_eq!(verdict(&["0", ""]), Verdict::Inconclusive);
+        assert_eq!(verdict(&["A1", "0", "A1", "A1"]), Verdict::Pass);
+        assert_eq!(verdict(&["A1", "A1", "B2", "B2"]), Verdict::Pass);
+        assert_eq!(verdict(&["A1", "A1", "B2", "A1"]), Verdict::Fail);
     }
 }

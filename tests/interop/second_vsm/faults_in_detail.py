@@ -502,6 +502,11 @@ def _(vsm):
     replace(vsm, "schedule", lambda old: lambda cucs, vehicle, id, frequency: old(cucs, vehicle, id, frequency) if id == 4000 else None)
 
 
+@fault("STAT-003d", "scheduled messages come 30 % too often")
+def _(vsm):
+    replace(vsm, "period", lambda old: lambda frequency: old(frequency) / 1.3)
+
+
 @fault("STAT-004b", "the end of one schedule ends all status")
 def _(vsm):
     def make(old):
