@@ -567,7 +567,7 @@ fn limits_are_watched_by_the_cucs(t: &Trial) -> Judged {
     };
     t.cite(declared);
     let limit = declared.raw("Low Caution Limit").unwrap_or_default();
-    let full = energy(&station.query(3002)?);
+    let full = energy(&*station.query(3002)?);
     if full.is_none_or(|level| level <= limit) {
         return Err(Stop::inconclusive(
             "the energy level is below its declared caution limit already, or absent",
@@ -665,7 +665,7 @@ fn lowered(
             // Others may follow the first.
             t.pause(t.timers().quiet)?;
         }
-        let shown = energy(&station.query(3002)?);
+        let shown = energy(&*station.query(3002)?);
         Ok(Lowered {
             low: low.is_some(),
             shown,
