@@ -17,6 +17,7 @@ use super::key_store::KeyStoreError;
 use super::ownership;
 use super::server::StartError;
 use super::server::checks::{self, NamedFile, SERVICE_STATE};
+use super::server::trial;
 use super::sockets::{self, DliSockets, Hosts, SocketError};
 use super::trial_disk::{TrialDisk, TrialFiles};
 use crate::config::Config;
@@ -130,7 +131,7 @@ pub async fn before_a_start(config: &Config, file: &Path, listen_for: Duration) 
     if files.iter().any(at_first_start) {
         return facts;
     }
-    let Err(cause) = checks::try_start(config) else {
+    let Err(cause) = trial::try_start(config) else {
         facts.start.extend(access(config));
         return facts;
     };

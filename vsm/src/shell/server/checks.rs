@@ -1,8 +1,8 @@
 //! What a start would find wrong, found without one: for `vsm doctor`, for `vsm check-config`, and for a running bridge, which
 //! has its keys in memory and would miss their files at its next start.
 //!
-//! [`look`] reads the files that a configuration names; it locks, makes and changes nothing. [`try_start`] opens what a start
-//! opens, by the same code, on a disk in memory: what ends `vsm run` is found, whatever it is.
+//! [`look`] reads the files that a configuration names; it locks, makes and changes nothing. What else ends a start is found by
+//! `trial`.
 
 use std::fs;
 use std::io;
@@ -14,14 +14,11 @@ use stanag_msgs::Id;
 
 use super::StartError;
 use super::guards;
-use super::open::{How, Opened};
-use super::vehicle::{check_records, look_at_keys};
+use super::vehicle::look_at_keys;
 use crate::config::{Config, ExchangeMode, Signing};
 use crate::session::examine_access;
 use crate::session::findings::host::KeyFault;
 use crate::shell::clock::{Clock, NOT_BEFORE};
-use crate::shell::key_store::KeyStore;
-use crate::shell::status_socket::{self, FILES, RELOAD, SETTINGS, STATUS, ZEROIZE};
 use crate::shell::trial_disk::{TrialDisk, TrialFiles};
 use crate::shell::web::Tiles;
 use crate::shell::{guard_file, key_file};
@@ -257,26 +254,6 @@ pub fn look_at_access(config: &Config) -> Result<Option<String>, StartError> {
     )?)
 }
 
-/// Opens all that a start opens before it takes the store, and closes it again. Nothing is sent, and nothing stays on the disk
-/// but the locks beside the keys. Must be called within a tokio runtime.
-///
-/// # Errors
-/// A start would end with this.
-pub fn try_start(config: &Config) -> Result<(), StartError> {
-    check_records(config)?;
-    for name in [STATUS, RELOAD, FILES, SETTINGS, ZEROIZE] {
-        status_socket::check(&config.store.dir, name).map_err(StartError::Status)?;
-    }
-    let files = TrialFiles::default();
-    let mut store = TrialDisk::new(&config.store.dir, files.clone());
-    let keys = |path: &Path| KeyStore::open_on(path, Box::new(files.clone()));
-    let how = How {
-        keys: &keys,
-        records: false,
-    };
-    Opened::of(config, &mut store, &how).map(drop)
-}
-
 /// `StateDirectory` of the packaged unit.
 pub(in crate::shell) const SERVICE_STATE: &str = "/var/lib/vsm";
 
@@ -381,33 +358,5 @@ mod tests {
         };
         assert_eq!(*cucs, Id(0x1b00_00a0));
         assert_eq!(*key, key_file::read(path).unwrap().id());
-    }
-
-    #[tokio::test]
-    async fn a_start_that_is_tried_leaves_nothing_behind_and_ends_as_a_start_does() {
-        let folder = tempfile::tempdir().unwrap();
-        let config = config(folder.path(), "[record]\ndir = \"records\"\n");
-        try_start(&config).unwrap();
-        let left: Vec<_> = fs::read_dir(folder.path()).unwrap().collect();
-        assert!(left.is_empty(), "{left:?}");
-
-        // A record that a start cannot read.
-        fs::create_dir(&config.store.dir).unwrap();
-        let private = fs::Permissions::from_mode(0o700);
-        fs::set_permissions(&config.store.dir, private).unwrap();
-        let (key, socket) = ("audit.key", "status.sock");
-        fs::write(config.store.dir.join(key), "no key").unwrap();
-        let both_end = || {
-            let tried = try_start(&config).unwrap_err().to_string();
-            let started = super::super::Server::open(&config).unwrap_err();
-            assert_eq!(tried, started.to_string());
-            tried
-        };
-        both_end();
-        fs::remove_file(config.store.dir.join(key)).unwrap();
-        // A folder in the place of a socket.
-        fs::create_dir(config.store.dir.join(socket)).unwrap();
-        let ended = both_end();
-        assert!(ended.contains("status.sock is a folder"), "{ended}");
     }
 }

@@ -17,6 +17,7 @@ mod read_ahead;
 mod reload;
 mod shared;
 mod tasks;
+pub mod trial;
 mod vehicle;
 mod web;
 mod zeroize;
