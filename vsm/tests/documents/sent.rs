@@ -199,6 +199,8 @@ fn everything(airframe: Airframe) -> Rig {
     }
     rig.take_off(30.0);
     rig.send_once(sticks());
+    // Reported only while sticks come.
+    rig.done(request(3011));
     let altimeter = VehicleOperatingModeCommand {
         altimeter_setting: Some(Scaled::saturating_from_si(101_500.0)),
         ..orders::mode(Mode::Loiter)
