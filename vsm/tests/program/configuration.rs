@@ -402,7 +402,12 @@ fn what_a_start_would_end_with_is_found_with_its_line() {
 
     let open = std::fs::Permissions::from_mode(0o777);
     std::fs::set_permissions(folder.path(), open).unwrap();
-    refused(&good, &["vehicle.signing.key_file: ", "written by others"]);
+    // Root refuses the folder before it reads a file in it.
+    let (code, printed) = check(&good);
+    assert!(
+        [Some(1), Some(2)].contains(&code) && printed.contains("written by others"),
+        "{printed}"
+    );
     let closed = std::fs::Permissions::from_mode(0o700);
     std::fs::set_permissions(folder.path(), closed).unwrap();
 
