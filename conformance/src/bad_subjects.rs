@@ -336,7 +336,7 @@ fn a_subject_that_restarts_is_judged_on() {
 }
 
 #[test]
-fn a_rule_that_spans_a_restart_is_judged_anew() {
+fn a_rule_that_spans_a_restart_is_judged_again() {
     // It restarts once for each CUCS, when that has control for the first time: for the second one in the middle of
     // AUTH-005, whose next request then goes unanswered.
     let subject =

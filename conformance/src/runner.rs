@@ -4,7 +4,7 @@
 //! rules, and the scenes follow, from harmless to hostile. A fail is repeated twice: unequal results are flaky. After a fail
 //! the subject has to answer a discovery, or all that follows is inconclusive. A fail that may be a message which the
 //! network lost is inconclusive too, and the run no success. A rule during which the subject was silent,
-//! as it is while it restarts, is judged anew.
+//! as it is while it restarts, is judged again.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -504,11 +504,11 @@ impl Run<'_> {
         if let Some(silence) = self.silent_and_back(rule, &first, mark) {
             let silent = format!("sent nothing for {:.1} s", silence.as_secs_f64());
             self.remarks.push(format!(
-                "the subject {silent} during {}, as in a restart: the rule was judged anew",
+                "the subject {silent} during {}, as in a restart: the rule was judged again",
                 rule.id
             ));
             report.notes.push(format!(
-                "judged anew, because the subject {silent}, as in a restart; before: {}",
+                "judged again, because the subject {silent}, as in a restart; before: {}",
                 first.reason
             ));
             first = self.attempt(scene, report);
@@ -537,7 +537,7 @@ impl Run<'_> {
 
     /// How long the subject sent nothing during this rule, where the rule did not pass and the subject answers again: what
     /// it is blamed for may be a restart, of which the rule says nothing. A rule that makes the subject stop fails once
-    /// more when it is judged anew; one that is about a subject that stops, or that restarts it, is not judged anew.
+    /// more when it is judged again; one that is about a subject that stops, or that restarts it, is not judged again.
     fn silent_and_back(&self, rule: &Rule, first: &Judgement, mark: usize) -> Option<Duration> {
         let passed = !first.verdict.is_fail() && first.verdict != Verdict::Inconclusive;
         let about_it = matches!(rule.profile.as_str(), "robust" | "load")

@@ -515,17 +515,7 @@ mod tests {
                 Datagram::new((at, at), Direction::Received, 0, ends, bytes, None)
             })
             .collect();
-        let profile = crate::profile::Profile::default();
-        let view = View {
-            datagrams: &datagrams,
-            profile: &profile,
-            survey: None,
-            live: true,
-            as_they_are: false,
-        };
-        let mut found = Found::default();
-        one_tail_number_at_a_time(&view, &mut found);
-        found.judgement().0.verdict
+        crate::passive::view::verdict_on(&datagrams, one_tail_number_at_a_time)
     }
 
     #[test]

@@ -372,17 +372,7 @@ mod tests {
             let done = done.encode(VEHICLE, STATION, 32, 1);
             datagrams.push(datagram(at_ms, Direction::Received, done));
         }
-        let profile = crate::profile::Profile::default();
-        let view = View {
-            datagrams: &datagrams,
-            profile: &profile,
-            survey: None,
-            live: true,
-            as_they_are: false,
-        };
-        let mut found = Found::default();
-        a_command_ends_once(&view, &mut found);
-        found.judgement().0.verdict
+        crate::passive::view::verdict_on(&datagrams, a_command_ends_once)
     }
 
     #[test]

@@ -197,3 +197,18 @@ impl Found {
         (Judgement::new(verdict, reason), evidence)
     }
 }
+
+/// What a judge finds in these datagrams of a live run.
+#[cfg(test)]
+pub(super) fn verdict_on(datagrams: &[Datagram], judge: fn(&View<'_>, &mut Found)) -> Verdict {
+    let view = View {
+        datagrams,
+        profile: &Profile::default(),
+        survey: None,
+        live: true,
+        as_they_are: false,
+    };
+    let mut found = Found::default();
+    judge(&view, &mut found);
+    found.judgement().0.verdict
+}

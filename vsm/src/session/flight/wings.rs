@@ -105,7 +105,7 @@ pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     if at.wings.is_none() {
         return if approach { Ok(None) } else { here() };
     }
-    // Commanded again, for example because no answer came: begun anew, the pattern would turn a wing off its glide close to
+    // Commanded again, for example because no answer came: begun from its start, the pattern would turn a wing off its glide close to
     // the ground, and a VTOL that already hovers towards its touch-down would land short of it.
     if let Some(uploaded) = at.uploaded
         && holds(at.telemetry, uploaded) == Some(true)
