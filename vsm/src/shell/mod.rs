@@ -3,7 +3,7 @@
 //! From the bottom up: `ownership` checks which files are trusted; `disk` implements [`Disk`](mavlink_link::store::Disk),
 //! and `queued_disk` puts a thread before it that synchronises, so that a running bridge never waits for that; `key_file`
 //! and `key_store` are the signing keys, `guard_file` those of the DLI guard, `guard_agreed` those agreed with the guard,
-//! `ordered_files` the thread that writes them, `clock` the time, `sockets` UDP and serial lines, `interfaces` the
+//! `ordered_files` the thread that writes them, `clock` and `timer` the time, `sockets` UDP and serial lines, `interfaces` the
 //! networks, `local_peers` with `socket_owners` the programs at their other end, `encryption` the encrypted links on these;
 //! `recording` and `dli_recording` write the traffic, `log_pipe` the log; `status_socket`, `pairing_socket`, `web` and
 //! `service` show the state to people and to systemd; `tasks` ends a program when a part of it has ended. On these stand
@@ -51,5 +51,6 @@ pub mod status_socket;
 pub mod tasks;
 pub mod tcp;
 mod test_fault;
+mod timer;
 mod trial_disk;
 pub mod web;

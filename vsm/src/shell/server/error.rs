@@ -25,6 +25,9 @@ pub enum StartError {
     /// The thread that writes to the store.
     #[error("the [store] dir: {0}")]
     Writer(io::Error),
+    /// The timer of what is due.
+    #[error("no timer: {0}")]
+    Timer(io::Error),
     /// The thread of the web clients.
     #[error("[web] control: no thread for its connections: {0}")]
     WebClients(io::Error),

@@ -49,6 +49,7 @@ use super::disk::FileDisk;
 use super::sockets::{DliSockets, Resolver, VehicleReader};
 use super::status_socket;
 use super::tasks::{TaskFault, Tasks};
+use super::timer::Timer;
 use super::web::control::{Door, Reports};
 use super::web::{self as page, Page};
 use crate::session::Status;
@@ -77,6 +78,8 @@ pub struct Server {
     reload: Option<(PathBuf, UnixListener)>,
     /// Resolves the host names of a reloaded configuration.
     resolver: Resolver,
+    /// Of the task that keeps time.
+    timer: Timer,
 }
 
 impl Server {
@@ -167,6 +170,7 @@ impl Server {
             control,
             reload,
             resolver,
+            timer,
         } = self;
         let local = LocalSet::new();
         let mut tasks = Tasks::default();
@@ -208,7 +212,7 @@ impl Server {
         let group = group.map(|(socket, group)| (socket, group.address));
         tasks.spawn(&local, "sender", |beat| send(of_all, beat, unicast, group));
         let of_all = shared.clone();
-        tasks.spawn(&local, "clock", |beat| keep_time(of_all, beat));
+        tasks.spawn(&local, "clock", |beat| keep_time(of_all, beat, timer));
         let of_all = shared.clone();
         tasks.spawn(&local, "disk", |beat| take_stored(of_all, beat));
         let of_all = shared.clone();

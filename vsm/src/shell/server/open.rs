@@ -36,6 +36,7 @@ use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::{DliSockets, Hosts, VehicleReader, VehicleWriter, ask_system};
 use crate::shell::status_socket;
+use crate::shell::timer::Timer;
 use crate::shell::web::control::{self, Clients};
 use crate::shell::web::{Page, Tiles};
 
@@ -142,6 +143,7 @@ impl Server {
             control,
             reload: None,
             resolver: ask_system,
+            timer: Timer::new().map_err(StartError::Timer)?,
         })
     }
 }

@@ -28,6 +28,7 @@ use crate::shell::recording::Recording;
 use crate::shell::sockets::{VehicleReader, VehicleWriter};
 use crate::shell::status_socket;
 use crate::shell::tasks::Beat;
+use crate::shell::timer::Timer;
 
 /// Receives from stations. With a `group`, the socket is its member, and datagrams that are not from its sources are
 /// dropped.
@@ -504,33 +505,34 @@ pub(super) async fn take_stored(shared: Rc<Shared>, beat: Rc<Beat>) {
     }
 }
 
-pub(super) async fn keep_time(shared: Rc<Shared>, beat: Rc<Beat>) {
+pub(super) async fn keep_time(shared: Rc<Shared>, beat: Rc<Beat>, timer: Timer) {
     let mut flush_at = Duration::ZERO;
+    // A machine that is always due must not starve the sockets.
+    let mut not_before = Duration::ZERO;
     loop {
-        // The borrow must end before the await below.
-        let due = {
-            let mut core = shared.core.borrow_mut();
-            core.poll_timeout(shared.clock.mono())
-        };
-        if due <= shared.clock.mono() {
+        let now = shared.clock.mono();
+        let due = shared.core.borrow_mut().poll_timeout(now);
+        if due.max(not_before) <= now {
             shared.with(|Core { bridge, store, .. }, now| bridge.handle_timeout(now, store));
-            if flush_at <= shared.clock.mono() {
-                flush_at = shared.clock.mono() + FLUSH_EVERY;
+            if flush_at <= now {
+                flush_at = now + FLUSH_EVERY;
                 shared.core.borrow_mut().flush();
             }
-            // A machine that is always due must not starve the sockets.
-            beat.during(tokio::time::sleep(SHORTEST_WAIT)).await;
+            not_before = shared.clock.mono() + SHORTEST_WAIT;
             continue;
         }
         shared.alarm.set(due);
-        let due = tokio::time::sleep_until(shared.clock.instant(due).into());
-        beat.during(async {
-            tokio::select! {
-                () = due => {}
-                () = shared.alarm.earlier() => {}
-            }
-        })
-        .await;
+        let woken = beat
+            .during(async {
+                tokio::select! {
+                    ended = timer.sleep(due.max(not_before) - now) => ended,
+                    () = shared.alarm.earlier() => Ok(()),
+                }
+            })
+            .await;
+        if let Err(cause) = woken {
+            pause_after("the timer", &cause).await;
+        }
     }
 }
 
