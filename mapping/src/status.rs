@@ -7,7 +7,8 @@ use std::f64::consts::TAU;
 
 use mavlink_link::dialect::MavType;
 use stanag_msgs::enums::{
-    AlertPriority, CommandedEngineState, EngineStatus, FtMode, FtState, SpeedType, SubsystemId,
+    AlertPriority, CommandedEngineState, EngineStatus, FlightPathControlMode, FtMode, FtState,
+    LoiterType, SpeedType, SubsystemId,
 };
 use stanag_msgs::messages::{
     AirAndGroundRelativeStates, BatteryReport, BodyRelativeSensedStates, EngineOperatingStates,
@@ -18,6 +19,7 @@ use stanag_msgs::{Scaled, Text, TimeStamp};
 
 use crate::altitude::{Agl, Altimeter};
 use crate::health;
+use crate::mode::Px4Mode;
 use crate::parameter::Parameters;
 use crate::report::{Commanded, reference, scaled};
 use crate::telemetry::{Software, Telemetry};
@@ -49,7 +51,10 @@ pub fn configuration(vehicle: &Telemetry, stamp: TimeStamp) -> VehicleConfigurat
     }
 }
 
-/// 3004: the loiter that 2017 has configured, at the commanded altitude and speed.
+/// 3004: the loiter that 2017 has configured, as this vehicle flies it.
+///
+/// What is not flown is absent. Reported back, a duration would read as if the loiter ended by itself: PX4 ends none that a
+/// mode has begun, and Flying Behaviour and Loiter Length Units are not used either.
 #[must_use]
 pub fn loiter_configuration(
     vehicle: &Telemetry,
@@ -58,23 +63,29 @@ pub fn loiter_configuration(
     stamp: TimeStamp,
 ) -> LoiterConfigurationReport {
     let (altitude_type, offset_m) = reference(vehicle);
-    let altitude = scaled(commanded.altitude_amsl_m.map(|m| m + offset_m));
-    let speed = scaled(commanded.speed_m_s);
+    // Those of another mode end with it: a loiter begins at the altitude that the vehicle has, and at its own speed.
+    let mode = vehicle.mode.map(Px4Mode::reported);
+    let loiters = matches!(
+        mode,
+        Some(FlightPathControlMode::Loiter | FlightPathControlMode::Launch)
+    );
+    let altitude_m = commanded.altitude_amsl_m.filter(|_| loiters);
+    let altitude = scaled(altitude_m.map(|m| m + offset_m));
+    let speed = scaled(commanded.speed_m_s.filter(|_| loiters));
+    // Only a figure eight has a length and an axis, and it alone turns to both sides.
+    let eight = loiter.loiter_type == Some(LoiterType::Figure8);
     LoiterConfigurationReport {
         time_stamp: Some(stamp),
         loiter_type: loiter.loiter_type,
         loiter_radius: loiter.loiter_radius,
-        loiter_length: loiter.loiter_length,
-        loiter_length_units: loiter.loiter_length_units,
-        loiter_bearing: loiter.loiter_bearing,
-        loiter_direction: loiter.loiter_direction,
+        loiter_length: loiter.loiter_length.filter(|_| eight),
+        loiter_bearing: loiter.loiter_bearing.filter(|_| eight),
+        loiter_direction: loiter.loiter_direction.filter(|_| !eight),
         loiter_altitude: altitude,
         altitude_type: altitude.and(Some(altitude_type)),
         loiter_speed: speed,
         speed_type: speed.and(commanded.speed_type.or(Some(SpeedType::Ground))),
-        flying_behaviour: loiter.flying_behaviour,
-        loiter_duration: loiter.loiter_duration,
-        loiter_duration_units: loiter.loiter_duration_units,
+        ..LoiterConfigurationReport::default()
     }
 }
 
@@ -300,7 +311,70 @@ pub fn subsystem_report(
 
 #[cfg(test)]
 mod tests {
+    use stanag_msgs::Bam16;
+    use stanag_msgs::enums::{
+        FlyingBehaviour, LoiterDirection, LoiterDurationUnits, LoiterLengthUnits,
+    };
+
     use super::*;
+
+    #[test]
+    fn a_loiter_is_reported_as_it_is_flown_and_what_is_ignored_is_absent() {
+        let configured = |kind| LoiterConfiguration {
+            loiter_type: Some(kind),
+            loiter_radius: Scaled::from_si(60.0).ok(),
+            loiter_length: Scaled::from_si(300.0).ok(),
+            loiter_length_units: Some(LoiterLengthUnits::Distance),
+            loiter_bearing: Some(Bam16::from_degrees(90.0)),
+            loiter_direction: Some(LoiterDirection::CounterClockwise),
+            flying_behaviour: Some(FlyingBehaviour::from_raw(1)),
+            loiter_duration: Some(3),
+            loiter_duration_units: Some(LoiterDurationUnits::Turns),
+            ..LoiterConfiguration::default()
+        };
+        let commanded = Commanded {
+            altitude_amsl_m: Some(530.0),
+            speed_m_s: Some(4.0),
+            speed_type: Some(SpeedType::Ground),
+            ..Commanded::default()
+        };
+        let report = |mode, kind| {
+            let vehicle = Telemetry {
+                mode: Some(mode),
+                ..Telemetry::default()
+            };
+            loiter_configuration(&vehicle, &configured(kind), &commanded, TimeStamp(1))
+        };
+        for kind in [LoiterType::Circular, LoiterType::Hover, LoiterType::Figure8] {
+            let eight = kind == LoiterType::Figure8;
+            let reported = report(Px4Mode::LOITER, kind);
+            assert_eq!(reported.loiter_type, Some(kind));
+            assert!(reported.loiter_radius.is_some(), "{kind:?}");
+            assert_eq!(reported.loiter_length.is_some(), eight, "{kind:?}");
+            assert_eq!(reported.loiter_bearing.is_some(), eight, "{kind:?}");
+            assert_eq!(reported.loiter_direction.is_some(), !eight, "{kind:?}");
+            let ignored = (
+                reported.loiter_duration,
+                reported.loiter_duration_units,
+                reported.loiter_length_units,
+                reported.flying_behaviour,
+            );
+            assert_eq!(ignored, (None, None, None, None), "{kind:?}");
+        }
+        for (mode, loiters) in [
+            (Px4Mode::LOITER, true),
+            (Px4Mode::ORBIT, true),
+            (Px4Mode::TAKEOFF, true),
+            (Px4Mode::MISSION, false),
+            (Px4Mode::COURSE, false),
+        ] {
+            let reported = report(mode, LoiterType::Circular);
+            assert_eq!(reported.loiter_altitude.is_some(), loiters, "{mode:?}");
+            assert_eq!(reported.altitude_type.is_some(), loiters, "{mode:?}");
+            assert_eq!(reported.loiter_speed.is_some(), loiters, "{mode:?}");
+            assert_eq!(reported.speed_type.is_some(), loiters, "{mode:?}");
+        }
+    }
 
     #[test]
     fn a_silent_vehicle_has_no_state_and_a_failed_link() {

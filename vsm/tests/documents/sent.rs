@@ -223,6 +223,15 @@ fn everything(airframe: Airframe) -> Rig {
         rig.done(orders::transfer(mode));
     }
     rig.done(ParameterRequest::default());
+    if airframe == Airframe::Plane {
+        // The one loiter that has a length and an axis.
+        rig.done(LoiterConfiguration {
+            loiter_type: Some(LoiterType::Figure8),
+            loiter_length: Some(Scaled::saturating_from_si(300.0)),
+            loiter_bearing: Some(Bam16::from_degrees(90.0)),
+            ..LoiterConfiguration::default()
+        });
+    }
     // Places and altitudes that were commanded.
     let (latitude, longitude) = orders::place(80.0, 0.0);
     let loiter = VehicleOperatingModeCommand {

@@ -4,13 +4,13 @@ use kit::bridge::{Rig, Setup, orders};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{
     AckType, AlertPriority, AltitudeType, EngineStatus, FlightPathControlMode as Mode,
-    MissionPlanMode, SubsystemId,
+    LoiterDurationUnits, LoiterType, MissionPlanMode, SubsystemId,
 };
 use stanag_msgs::messages::{
     GenericInformationRequestMessage, LoiterConfiguration, MissionTransferCommand,
     ScheduleMessageUpdateCommand, UaStickCommand, VehicleOperatingModeCommand,
 };
-use stanag_msgs::{Scaled, Text, enums::LoiterType};
+use stanag_msgs::{Scaled, Text};
 
 fn ask(message: u16) -> GenericInformationRequestMessage {
     GenericInformationRequestMessage {
@@ -301,12 +301,27 @@ fn a_loiter_configuration_is_returned_and_a_schedule_is_kept() {
     let loiter = LoiterConfiguration {
         loiter_type: Some(LoiterType::Circular),
         loiter_radius: Some(Scaled::saturating_from_si(60.0)),
+        loiter_duration: Some(3),
+        loiter_duration_units: Some(LoiterDurationUnits::Turns),
         ..LoiterConfiguration::default()
     };
     rig.done(loiter);
     let reported = report!(&mut rig, 3004, LoiterConfigurationReport);
     assert_eq!(reported.loiter_type, Some(LoiterType::Circular));
     near("radius", reported.loiter_radius.map(|r| r.si()), 60.0, 0.8);
+    // It flies its mission: neither is the loiter's, and no loiter ends by itself.
+    assert_eq!(
+        (reported.loiter_altitude, reported.loiter_speed),
+        (None, None)
+    );
+    assert_eq!(
+        (reported.loiter_duration, reported.loiter_duration_units),
+        (None, None)
+    );
+    assert!(
+        rig.station()
+            .has_alert("2017: ignored: Loiter Duration, Loiter Duration Units")
+    );
 
     let every = |hertz| ScheduleMessageUpdateCommand {
         requested_message_type: Some(3009),

@@ -34,17 +34,13 @@ facts! {
         "Time Stamp": STAMP;
         "Loiter Type": "of 2017";
         "Loiter Radius": "of 2017";
-        "Loiter Length": "of 2017";
-        "Loiter Length Units": "of 2017";
-        "Loiter Bearing": "of 2017";
-        "Loiter Direction": "of 2017";
-        "Loiter Altitude": "the last command that the vehicle took";
+        "Loiter Length": "of 2017, of a figure 8";
+        "Loiter Bearing": "of 2017, of a figure 8";
+        "Loiter Direction": "of 2017, not of a figure 8";
+        "Loiter Altitude": "commanded in the loiter that is flown, or for the launch";
         "Altitude Type": "3 once the geoid separation is known (GPS_RAW_INT), else 1";
-        "Loiter Speed": "the last command that the vehicle took";
-        "Speed Type": "as commanded";
-        "Flying Behaviour": "of 2017";
-        "Loiter Duration": "of 2017";
-        "Loiter Duration Units": "of 2017";
+        "Loiter Speed": "commanded in the loiter that is flown";
+        "Speed Type": "as it is flown: 2 of a multicopter, 0 of a fixed wing";
     }
     3005 sends "by 17001, on 17002; where vehicle.termination is set to whoever begins to listen and on every change, twice a second while armed, commanded or shown; never of a silent vehicle that nothing is armed for" {
         "Time Stamp": STAMP;
