@@ -44,6 +44,8 @@ pub(crate) enum Cause {
     OperatorControl,
     /// The mission makes no progress, and the vehicle was commanded to hold.
     Stalled,
+    /// The vehicle makes no progress in its landing pattern.
+    LandingPattern,
     /// The vehicle sank below its mission and was commanded to hold.
     Sinking,
     /// The audit log's hash chain is broken.

@@ -299,6 +299,74 @@ fn a_configured_pattern_lands_a_wing_from_its_route() {
     assert!(off_m < 150.0, "{truth:?}");
 }
 
+/// It circles below the altitude of its loiter, which PX4 does not leave so.
+#[test]
+fn a_landing_pattern_that_does_not_converge_is_named_until_it_is_flown_on() {
+    let mut rig = flies(Airframe::Plane, "");
+    let fly_low = |rig: &mut Rig, low_m| {
+        let vehicle = rig.vehicles[0].vehicle_mut();
+        vehicle.set_health_faults(HealthFaults {
+            low_m,
+            ..HealthFaults::default()
+        });
+    };
+    fly_low(&mut rig, 20);
+    rig.done(orders::mode(Mode::AutolandEngage));
+    // 3 DO_LAND_START, 4 the loiter before the glide, 5 the touch-down.
+    assert!(rig.until(100.0, |rig| rig.truth().mission_seq == 4));
+    let named = "waiting for its altitude";
+    let alerted = rig.until(400.0, |rig| rig.station().has_alert(named));
+    assert!(alerted, "{:?} {:?}", rig.truth(), rig.station().alerts());
+    rig.run(200.0);
+    // Once, and nothing is commanded for it.
+    let alerts = rig.station().alerts();
+    let times = alerts.iter().filter(|text| text.contains(named)).count();
+    assert_eq!(times, 1, "{alerts:?}");
+    let truth = rig.truth();
+    assert_eq!((truth.mission_seq, truth.mode), (4, Px4::Mission));
+    let over = "the landing pattern is flown on";
+    let before = alerts.iter().filter(|text| text.contains(over)).count();
+    assert_eq!(before, 0, "{alerts:?}");
+    fly_low(&mut rig, 0);
+    assert!(rig.until(60.0, |rig| rig.station().has_alert(over)));
+    let down = rig.until(400.0, |rig| !rig.truth().armed);
+    assert!(down, "{:?} {:?}", rig.truth(), rig.station().alerts());
+}
+
+#[test]
+fn a_landing_pattern_in_wind_raises_no_alert() {
+    for (airframe, wind) in [
+        (Airframe::Plane, [0.0, 0.0]),
+        (Airframe::Plane, [5.0, -4.0]),
+        (Airframe::Vtol, [-3.0, 2.0]),
+    ] {
+        let mut rig = Rig::ready_with(Setup {
+            vehicles: vec![Config {
+                airframe,
+                wind_ne_ms: wind,
+                ..Config::default()
+            }],
+            vehicle_keys: "landing = { course_deg = 90.0, height_m = 40.0 }",
+            ..Setup::default()
+        });
+        rig.send_plan(vec![
+            orders::route(1).into(),
+            orders::waypoint(1, 2, 300.0, 0.0, 60.0).into(),
+            orders::waypoint(2, 0, 600.0, 300.0, 60.0).into(),
+        ]);
+        rig.done(orders::load());
+        rig.take_off(50.0);
+        let up = |rig: &Rig| rig.truth().mode == Px4::Loiter && !rig.truth().landed;
+        assert!(rig.until(200.0, up), "{airframe:?}: {:?}", rig.truth());
+        rig.done(orders::mode(Mode::AutolandEngage));
+        // The touch-down is the last item.
+        let last = if airframe == Airframe::Plane { 5 } else { 6 };
+        let left = rig.until(400.0, |rig| rig.truth().mission_seq == last);
+        assert!(left, "{airframe:?} {wind:?}: {:?}", rig.truth());
+        assert!(!rig.station().has_alert("landing pattern:"), "{wind:?}");
+    }
+}
+
 /// Mode 19 in the middle of a leg at 19 m/s, and out of a hold, after which PX4 repeats that speed of the route.
 #[test]
 fn the_landing_pattern_is_flown_at_the_vehicles_own_speed() {

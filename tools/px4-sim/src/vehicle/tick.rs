@@ -93,10 +93,13 @@ impl Vehicle {
         } else {
             self.steer(mode).unwrap_or(self.course)
         };
-        if mode == Mode::Mission
-            && let Guidance::Leg(leg) | Guidance::Climb(leg) = &mut guidance
-        {
-            leg.target.d += f64::from(self.health_faults.low_m);
+        let low_m = f64::from(self.health_faults.low_m);
+        match &mut guidance {
+            Guidance::Leg(leg) | Guidance::Climb(leg) if mode == Mode::Mission => {
+                leg.target.d += low_m;
+            }
+            Guidance::Circle(circle) if mode == Mode::Mission => circle.centre.d += low_m,
+            _ => {}
         }
         self.target = match &guidance {
             Guidance::Leg(leg) | Guidance::Climb(leg) | Guidance::Land(leg) => leg.target,

@@ -13,9 +13,9 @@
 //!   downloads to a station
 //! - [`route_upload`]: compiles a route and holds the vehicle if needed; [`upload`]: uploads items to the vehicle, for
 //!   routes, the fence and rally points
-//! - [`progress`]: the vehicle's position along its route; [`watchdog`]: whether it makes progress; [`descent`]: whether it
-//!   sinks below the route; [`band`]: whether it leaves its altitude band; [`resync`]: whether it still carries the loaded
-//!   mission
+//! - [`progress`]: the vehicle's position along its route; [`watchdog`]: whether it makes progress; [`landing`]: the same in
+//!   the landing pattern of a wing; [`descent`]: whether it sinks below the route; [`band`]: whether it leaves its altitude
+//!   band; [`resync`]: whether it still carries the loaded mission
 //! - [`fence`]: areas of the configuration and of a CUCS; [`rally`]: rally points to return to; [`kept`]: the common part of
 //!   both
 
@@ -25,6 +25,7 @@ mod download;
 mod fence;
 mod input;
 mod kept;
+mod landing;
 mod payload_action;
 mod plan_files;
 pub(crate) mod progress;
@@ -57,6 +58,7 @@ use stanag_msgs::{Id, Message, TimeStamp};
 use self::band::BandWatch;
 use self::descent::DescentWatch;
 use self::fence::Fence;
+use self::landing::LandingWatch;
 use self::progress::RouteProgress;
 use self::rally::Rally;
 use self::record::UploadedMission;
@@ -78,6 +80,7 @@ pub(crate) struct Mission {
     transfers: Transfers,
     progress: RouteProgress,
     watchdog: MissionWatchdog,
+    landing: LandingWatch,
     descent: DescentWatch,
     band: BandWatch,
     resync: Resync,
@@ -120,6 +123,7 @@ impl Mission {
             transfers: Transfers::default(),
             progress: RouteProgress::default(),
             watchdog: MissionWatchdog::default(),
+            landing: LandingWatch::default(),
             descent: DescentWatch::default(),
             band: BandWatch::default(),
             resync: Resync::default(),
@@ -241,6 +245,7 @@ impl Mission {
             transfers,
             progress,
             watchdog,
+            landing,
             descent,
             band,
             resync,
@@ -298,6 +303,7 @@ impl Mission {
                 }
                 let transferring = transfers.is_running();
                 watchdog.watch(context, uploaded, transferring, effects);
+                landing.watch(context, uploaded, transferring, effects);
                 descent.watch(context, uploaded, transferring, effects);
                 band.watch(context, uploaded, transferring, effects);
                 if !transferring && !fence.busy() {
@@ -379,6 +385,7 @@ impl Mission {
             rally,
             progress: _,
             watchdog: _,
+            landing: _,
             descent: _,
             band: _,
             resync: _,

@@ -16,8 +16,9 @@ use mapping::altitude::Level;
 use mapping::limits::metres;
 use mapping::mode::Px4Mode;
 use mapping::route::CompiledMission;
-use mapping::telemetry::MissionProgress;
+use mapping::telemetry::{MissionProgress, Telemetry};
 use mavlink_link::dialect::{MavType, MissionState};
+use mavlink_link::service::mission::Item;
 
 use super::input::Context;
 use super::record::UploadedMission;
@@ -51,10 +52,11 @@ struct Sample {
     slowest_m_s: f64,
 }
 
+/// The distance to an item, over ground and in height.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Away {
-    ground_m: f64,
-    height_m: f64,
+pub(super) struct Away {
+    pub(super) ground_m: f64,
+    pub(super) height_m: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -264,23 +266,14 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
     let uploaded = uploaded?;
     let mission = flown(context, uploaded)?;
     // After its route a fixed wing waits for its landing, or lands: PX4 aborts a landing by itself, and a hold would keep it
-    // low.
+    // low. Its pattern has a watch of its own (`landing`), which holds nothing.
     if waits_or_lands(&uploaded.compiled, mission.seq) {
         return None;
     }
     let items = &uploaded.compiled.items;
     let item = items.get(usize::from(mission.seq))?;
-    let here = telemetry.position?;
-    let amsl_m = match Level::of_frame(item.frame, item.z.into()) {
-        Some(Level::AboveHome(m)) => telemetry.home?.amsl_m + m,
-        Some(Level::Amsl(m)) => m,
-        None => f64::from(item.z),
-    };
-    let (latitude, longitude) = (f64::from(item.x) / 1e7, f64::from(item.y) / 1e7);
-    let away = item.is_flown_to().then(|| Away {
-        ground_m: metres((here.latitude, here.longitude), (latitude, longitude)),
-        height_m: (amsl_m - here.amsl_m).abs(),
-    });
+    let away = away_from(telemetry, item)?;
+    let away = item.is_flown_to().then_some(away);
     let banks = banks(telemetry.vehicle_type);
     let radius_m = f64::from(item.params[2]).abs();
     let near_m = match (banks, radius_m > 0.0) {
@@ -312,6 +305,21 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
     })
 }
 
+/// The vehicle's distance to the place of an item; `None` while its own place is not known.
+pub(super) fn away_from(telemetry: &Telemetry, item: &Item) -> Option<Away> {
+    let here = telemetry.position?;
+    let amsl_m = match Level::of_frame(item.frame, item.z.into()) {
+        Some(Level::AboveHome(m)) => telemetry.home?.amsl_m + m,
+        Some(Level::Amsl(m)) => m,
+        None => f64::from(item.z),
+    };
+    let place = (f64::from(item.x) / 1e7, f64::from(item.y) / 1e7);
+    Some(Away {
+        ground_m: metres((here.latitude, here.longitude), place),
+        height_m: (amsl_m - here.amsl_m).abs(),
+    })
+}
+
 /// Whether a vehicle that reports this item waits at the end of its route for its landing, or lands. Accepts any number.
 fn waits_or_lands(compiled: &CompiledMission, seq: u16) -> bool {
     let start = compiled.landing_start();
@@ -340,9 +348,9 @@ pub(super) fn seconds(ms: u32) -> f64 {
 }
 
 /// Minimum progress: a hovering vehicle moves by as much, m.
-const STEP_M: f64 = 1.0;
+pub(super) const STEP_M: f64 = 1.0;
 /// Seconds per m/s for turning back and flying back.
-const TURN_S: f64 = 2.0;
+pub(super) const TURN_S: f64 = 2.0;
 /// Distance for a stop in addition to v^2 / 2 (a deceleration of 1 m/s^2), m.
 const HOVERING_ROOM_M: f64 = 20.0;
 /// Distance for a turn in addition to v^2 (a circle at 20 degrees of bank, downwind), m.
@@ -362,15 +370,13 @@ const UNCOMMANDED_M_S: f64 = 1.0;
 const SLOWEST_M_S: f64 = 0.01;
 /// MISSION_CURRENT arrives each second and on change, s.
 pub(super) const FRESH_S: f64 = 3.0;
-const NAV_LOITER_UNLIM: u16 = 17;
+pub(super) const NAV_LOITER_UNLIM: u16 = 17;
 const NAV_DELAY: u16 = 93;
-const NAV_LOITER_TIME: u16 = 19;
+pub(super) const NAV_LOITER_TIME: u16 = 19;
 const DO_CHANGE_SPEED: u16 = 178;
 
 #[cfg(test)]
 mod tests {
-    use mavlink_link::service::mission::Item;
-
     use super::*;
 
     #[test]
