@@ -4,8 +4,8 @@
 use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use px4_sim::{Airframe, Config, HealthFaults, Mode as Px4, VtolState};
 use stanag_msgs::enums::{
-    AckType, FlightPathControlMode as Mode, HeadingCommandType, LoiBitmap, LoiterType,
-    MissionPlanMode, RequestedAccess, RouteType,
+    AckType, AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, HeadingCommandType,
+    LoiBitmap, LoiterType, MissionPlanMode, RequestedAccess, RouteType,
 };
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, LoiterConfiguration, MissionTransferCommand,
@@ -554,6 +554,83 @@ fn a_wing_on_its_final_approach_lands_when_its_controller_is_lost() {
     });
     let truth = rig.truth();
     assert!(left && truth.landed, "{truth:?}");
+}
+
+/// On its glide, 35 m above home.
+fn on_final() -> Rig {
+    let mut rig = flies(Airframe::Plane, "");
+    rig.done(orders::mode(Mode::AutolandEngage));
+    // 3 DO_LAND_START, 4 the loiter before the glide, 5 the touch-down.
+    assert!(rig.until(400.0, |rig| rig.truth().mission_seq == 5));
+    assert!(rig.until(100.0, |rig| -rig.truth().position.d < 35.0));
+    rig
+}
+
+const BROKEN_OFF: &str = "the landing is broken off on the final approach, 3";
+
+/// The operator decides, and learns what follows; so in every mode.
+#[test]
+fn a_command_that_breaks_off_a_final_approach_is_carried_out_and_named_with_the_height() {
+    let to_1 = VehicleOperatingModeCommand {
+        commanded_waypoint_number: Some(1),
+        ..orders::mode(Mode::Waypoint)
+    };
+    let keeps = "; it keeps that height until an altitude is commanded";
+    for (command, mode, by, level) in [
+        (to_1, Px4::Mission, "by AUTO.MISSION", false),
+        (
+            orders::mode(Mode::Waypoint),
+            Px4::Mission,
+            "by AUTO.MISSION",
+            false,
+        ),
+        (
+            orders::mode(Mode::Loiter),
+            Px4::Loiter,
+            "by AUTO.LOITER",
+            true,
+        ),
+        (
+            orders::mode(Mode::Autopilot),
+            Px4::Course,
+            "by GUIDED_COURSE",
+            true,
+        ),
+        (
+            orders::mode(Mode::ContingencyA),
+            Px4::Rtl,
+            "by AUTO.RTL",
+            false,
+        ),
+    ] {
+        let mut rig = on_final();
+        rig.done(command);
+        assert_eq!(rig.truth().mode, mode, "{by}");
+        let alerts = rig.station().alerts();
+        let mut named = alerts.iter().filter(|text| text.contains(BROKEN_OFF));
+        let (text, again) = (named.next().expect(by), named.next());
+        assert!(text.contains(by) && text.contains(keeps) == level, "{text}");
+        assert_eq!(again, None);
+    }
+}
+
+#[test]
+fn of_a_go_around_and_a_landing_commanded_again_nothing_is_warned_and_an_altitude_is_flown() {
+    for mode in [Mode::AutolandWaveOff, Mode::AutolandEngage] {
+        let mut rig = on_final();
+        rig.done(orders::mode(mode));
+        let alerts = rig.station().alerts();
+        assert!(!rig.station().has_alert(BROKEN_OFF), "{mode:?} {alerts:?}");
+    }
+    let mut rig = on_final();
+    rig.done(VehicleOperatingModeCommand {
+        altitude_command_type: Some(AltitudeCommandType::Altitude),
+        commanded_altitude: Some(Scaled::saturating_from_si(60.0)),
+        altitude_type: Some(AltitudeType::Agl),
+        ..orders::mode(Mode::Loiter)
+    });
+    assert!(rig.station().has_alert(BROKEN_OFF));
+    assert!(!rig.station().has_alert("it keeps that height"));
 }
 
 /// Mode 19 again: not from the start of the pattern, and not with its speed.

@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mapping::report::{self, Commanded};
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode};
+use stanag_msgs::enums::{AckType, AlertPriority, FlightPathControlMode as Mode, SubsystemId};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
-use super::{Context, Flight, curve_stream, select};
+use super::{Context, Flight, curve_stream, select, wings};
 use crate::config::OnLoss;
 use crate::session::context::{Continues, Origin};
 use crate::session::effects::{Effects, Request};
@@ -31,6 +31,14 @@ impl Flight {
         if origin.is_some_and(|origin| origin.held.is_none() && origin.message_type != 2008) {
             let config = self.contingencies.config(&context.config.contingency);
             self.contingencies.overridden(&config, effects);
+        }
+        // Whatever has commanded it: the one place that every maneuver passes.
+        let already = |(_, running): &(_, Maneuver)| running.leaves_its_item();
+        if !self.maneuver.as_ref().is_some_and(already)
+            && let Some(text) =
+                wings::broken_off(&maneuver, &context.vehicle.telemetry, &context.mission)
+        {
+            effects.notify(AlertPriority::Warning, SubsystemId::VsmStatus, text);
         }
         self.stream_curve(context, curve_stream::Input::Superseded, effects);
         self.supersede(context, origin, effects);

@@ -19,16 +19,18 @@ use mapping::airframe::Airframe;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::route::Wings;
+use mapping::telemetry::Telemetry;
 use stanag_msgs::enums::{AltitudeCommandType, HeadingCommandType, RouteType};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::settings::Pattern;
 use super::situation::{
-    Situation, Task, altitude, check_heights, checked_level, does_not_follow_ground, flown_as, has,
-    holds, mission_not_reported, names_mode, place, plain, speed,
+    NEAR_M, Situation, Task, altitude, check_heights, checked_level, does_not_follow_ground,
+    flown_as, has, holds, mission_not_reported, names_mode, place, plain, speed,
 };
 use super::steering::{self, Direction};
-use crate::session::maneuver::{self, Step};
+use crate::session::context::MissionView;
+use crate::session::maneuver::{self, Maneuver, Step};
 use crate::session::mission::record::UploadedMission;
 
 /// Checks whether the vehicle can begin a route in its present state.
@@ -194,6 +196,41 @@ pub(super) fn wave_off(at: &Situation<'_>) -> Result<Task, String> {
             "mode 20 (wave-off): the vehicle is not landing, there is nothing to abort".to_owned(),
         ),
     }
+}
+
+/// What operators are sent where a maneuver takes a wing off its final approach, in whatever mode; `None` where it does not.
+///
+/// It is carried out all the same: a runway that is not free is known to the operator alone. But a hold or a course begins at
+/// the height of that moment, which may be a few metres, and only a go-around climbs by itself.
+pub(super) fn broken_off(
+    maneuver: &Maneuver,
+    telemetry: &Telemetry,
+    mission: &MissionView<'_>,
+) -> Option<String> {
+    let leaves = maneuver.leaves_its_item() && !maneuver.goes_around();
+    if !leaves || !mission.is_on_final(telemetry) {
+        return None;
+    }
+    let places = telemetry.position.zip(telemetry.home);
+    let height = places.map_or_else(String::new, |(here, home)| {
+        format!(", {:.0} m above home", here.amsl_m - home.amsl_m)
+    });
+    let mode = maneuver.last_mode().unwrap_or(Px4Mode::MISSION);
+    // A place without an altitude is flown to at the present one.
+    let commanded_m = maneuver.commanded.altitude_amsl_m;
+    let climbs = commanded_m
+        .zip(telemetry.position)
+        .is_some_and(|(amsl_m, here)| amsl_m > here.amsl_m + NEAR_M);
+    let level = KEEP_HEIGHT.contains(&mode) && !climbs;
+    let follows = if level {
+        "; it keeps that height until an altitude is commanded (2016)"
+    } else {
+        ""
+    };
+    Some(format!(
+        "the landing is broken off on the final approach{height}, by {}{follows}",
+        mode.name()
+    ))
 }
 
 /// Mode 21: the steps, and their commanded values.
@@ -379,6 +416,13 @@ pub(super) fn check_circle(
     ))
 }
 
+/// Modes that begin at the present height and keep it.
+const KEEP_HEIGHT: [Px4Mode; 4] = [
+    Px4Mode::LOITER,
+    Px4Mode::ORBIT,
+    Px4Mode::COURSE,
+    Px4Mode::OFFBOARD,
+];
 /// Below this height a fixed wing would loiter among obstacles around its runway, m.
 const LOWEST_WING_LAUNCH_M: f64 = 10.0;
 /// How far below its altitude a VTOL may hover, m: the default of NAV_MC_ALT_RAD.

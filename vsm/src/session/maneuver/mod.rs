@@ -157,6 +157,33 @@ impl Maneuver {
         })
     }
 
+    /// The last mode that it still has to enter.
+    pub(crate) fn last_mode(&self) -> Option<Px4Mode> {
+        let mut left = self.steps.iter().rev();
+        left.find_map(|step| match step {
+            Step::Confirm {
+                confirmation: Confirmation::Mode(modes),
+                ..
+            } => modes.first().copied(),
+            _ => None,
+        })
+    }
+
+    /// Whether it takes a vehicle in AUTO.MISSION away from the item that it flies: to another one, or out of the mode.
+    pub(crate) fn leaves_its_item(&self) -> bool {
+        let other = |mode| mode != Px4Mode::MISSION;
+        self.sends_to().is_some() || self.last_mode().is_some_and(other)
+    }
+
+    /// Whether it still has to have PX4 climb out of a landing.
+    pub(crate) fn goes_around(&self) -> bool {
+        let mut left = self.steps.iter();
+        left.any(|step| match step {
+            Step::Command { command, .. } => command.command == MavCmd::MAV_CMD_DO_GO_AROUND,
+            _ => false,
+        })
+    }
+
     /// Whether it still has to transition a VTOL, to its wings or to a hover.
     pub(crate) fn turns(&self) -> bool {
         self.awaits(|confirmation| matches!(confirmation, Confirmation::Hovers(_)))
