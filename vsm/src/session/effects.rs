@@ -7,7 +7,8 @@
 //! - **Persist, then answer.** [`Effects::disk`] writes before it returns, or queues the change. Messages that a machine
 //!   sends after that in the same call, and every acknowledgement, are held until the change is durable
 //!   ([`DliEffects::release`]). Messages are only queued in the bridge, and the shell takes them after the call: no answer
-//!   can leave before its promise is stored.
+//!   can leave before its promise is stored. Only that a message about rights has arrived is answered before
+//!   ([`DliEffects::acknowledge_decision`]): it promises nothing.
 //! - **A request to a sibling is carried out after the call**, by the router, in the order of the requests: a machine is
 //!   never called again in the middle of a change.
 
@@ -351,6 +352,34 @@ impl<'a> DliEffects<'a> {
                 let what = Waiting::Acknowledgement(source, *origin, answer);
                 self.hold(until, Some(origin.station), what);
             }
+        }
+    }
+
+    /// As [`DliEffects::acknowledge`], for a message that disposes of rights. Its decision may wait for the disk for as long as that
+    /// takes: its sender is sent at once that the message has arrived. That promises nothing, so it waits for nothing.
+    pub(crate) fn acknowledge_decision(&mut self, source: Id, origin: &Origin, answer: AckType) {
+        let speaks_ed25 = || {
+            let station = self.stations.get(origin.station);
+            station.is_some_and(GroundStation::speaks_ed25)
+        };
+        // An acknowledgement of Edition 2.5 (#1400) means that the message is not refused.
+        let misleads = answer == AckType::Refused && speaks_ed25();
+        if self.waits_for().is_some() && !misleads {
+            self.send_acknowledgement(source, origin, AckType::Received);
+            if answer == AckType::Received {
+                return;
+            }
+        }
+        self.acknowledge(source, origin, answer);
+    }
+
+    /// Sends an earlier answer again. "Received" leaves at once, as it did before: behind the decision that still waits for the disk
+    /// it would be the last answer.
+    pub(crate) fn acknowledge_again(&mut self, source: Id, origin: &Origin, answer: AckType) {
+        if answer == AckType::Received {
+            self.send_acknowledgement(source, origin, answer);
+        } else {
+            self.acknowledge(source, origin, answer);
         }
     }
 

@@ -1,11 +1,12 @@
-//! A disk that takes its time to synchronise: no right is answered, or holds, before it is durable; a station that keeps
-//! the disk busy delays and loses nothing but its own messages; what waits has a bound.
+//! A disk that takes its time to synchronise: no right is granted, or holds, before it is durable, and who has requested it
+//! learns at once that the message has arrived; a station that keeps the disk busy delays and loses nothing but its own
+//! messages; what waits has a bound.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use kit::bridge::parties::bridge_dli;
-use kit::bridge::{Setup, orders, vehicle_id};
+use kit::bridge::{Setup, Ticket, orders, vehicle_id};
 use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::{CucsAuthorisationRequest, LoiterConfiguration};
 use stanag_msgs::{Envelope, MAX_DATAGRAM, Message, Scaled, TimeStamp};
@@ -52,14 +53,23 @@ fn granted(scene: &Scene, station: usize) -> LoiBitmap {
     last.unwrap_or_default()
 }
 
+/// Whether a station was sent that its message has arrived, and nothing else about it.
+fn has_only_arrived(scene: &Scene, station: usize, ticket: Ticket) -> bool {
+    let answers = scene.rig.stations[station].answers(ticket);
+    !answers.is_empty() && answers.iter().all(|one| *one == AckType::Received)
+}
+
 #[test]
 fn a_right_is_answered_and_holds_once_it_is_durable() {
     let mut scene = slow(Duration::from_secs(2));
     let taken = scene.ask(B, RequestedAccess::Override, CONTROL);
-    scene.rig.run(1.0);
+    scene.rig.run(0.1);
+    assert_eq!(scene.rig.stations[B].answers(taken), [AckType::Received]);
+    scene.rig.run(0.9);
     // Until then A commands, B does not, and nobody is sent anything else.
     assert_eq!(scene.controller(), Some(A));
-    assert!(scene.rig.stations[B].answers(taken).is_empty());
+    assert!(has_only_arrived(&scene, B, taken));
+    assert_eq!(granted(&scene, B), LoiBitmap::NONE);
     let of_a = scene.rig.send_as(A, 0, loiter(60.0));
     let of_b = scene.rig.send_as(B, 0, loiter(70.0));
     scene.rig.run(0.2);
@@ -80,7 +90,7 @@ fn a_right_is_answered_and_holds_once_it_is_durable() {
 }
 
 #[test]
-fn a_right_that_was_not_durable_is_gone_with_the_process_and_was_never_answered() {
+fn a_right_that_was_not_durable_is_gone_with_the_process_and_was_never_granted() {
     let mut scene = slow(Duration::from_secs(2));
     let taken = scene.ask(B, RequestedAccess::Override, CONTROL);
     scene.rig.run(0.2);
@@ -88,12 +98,8 @@ fn a_right_that_was_not_durable_is_gone_with_the_process_and_was_never_answered(
     scene.rig.run(0.8);
     scene.rig.restart_bridge();
     scene.rig.run(4.0);
-    let answers = scene.rig.stations[B].answers(taken);
-    assert!(
-        answers.is_empty(),
-        "{answers:?} {:?}",
-        scene.rig.stations[B].alerts()
-    );
+    let alerts = scene.rig.stations[B].alerts();
+    assert!(has_only_arrived(&scene, B, taken), "{alerts:?}");
     assert_eq!(scene.controller(), Some(A));
     // The log has a line too many at most, and its chain is whole.
     let log = Chain::verify(&scene.rig.store.records["audit-1b000101.log"], None, 0);
@@ -113,7 +119,7 @@ fn a_disk_that_fails_at_once_refuses_and_one_that_never_ends_promises_nothing() 
     scene.rig.store.full = Some("authority");
     let release = scene.ask(A, RequestedAccess::Relinquish, CONTROL);
     scene.rig.run(5.0);
-    assert!(scene.rig.stations[B].answers(first).is_empty());
+    assert!(has_only_arrived(&scene, B, first));
     assert_eq!(scene.controller(), Some(A));
     assert_ne!(
         scene.rig.stations[A].end(release),
@@ -127,8 +133,8 @@ fn a_record_that_cannot_be_made_durable_keeps_no_station_from_its_other_answers(
     scene.rig.store.stuck = Some("authority");
     let taken = scene.ask(B, RequestedAccess::Override, CONTROL);
     scene.rig.run(1.0);
-    // Nobody controls by it, and B is not answered; what else B asks is.
-    assert!(scene.rig.stations[B].answers(taken).is_empty());
+    // Nobody controls by it, and B is granted nothing; what else B asks is answered.
+    assert!(has_only_arrived(&scene, B, taken));
     assert_eq!(scene.controller(), Some(A));
     // Operators learn that, and once it is over.
     assert!(scene.rig.stations[A].has_alert("cannot store record authority"));
@@ -166,6 +172,38 @@ fn what_is_flown_for_a_lost_controller_does_not_wait_for_a_disk_that_never_ends_
             "{full:?}: {:?}",
             scene.rig.truth().mode
         );
+    }
+}
+
+/// Its sender repeats it meanwhile, and "received" is never the last answer.
+#[test]
+fn whatever_disposes_of_rights_is_acknowledged_at_once_and_ends_with_its_decision() {
+    let released = |scene: &mut Scene| scene.ask(A, RequestedAccess::Relinquish, CONTROL);
+    let named = |scene: &mut Scene| scene.hand_over(A, B, CONTROL);
+    let query = |scene: &mut Scene| {
+        scene.ask(A, RequestedAccess::Relinquish, CONTROL);
+        scene.ask(A, RequestedAccess::Request, 0)
+    };
+    let each: [(&str, fn(&mut Scene) -> Ticket); 3] =
+        [("1", released), ("4", named), ("1 after 1", query)];
+    for (what, send) in each {
+        let mut scene = slow(Duration::from_secs(2));
+        let ticket = send(&mut scene);
+        scene.rig.run(0.1);
+        let answers = scene.rig.stations[A].answers(ticket);
+        assert_eq!(answers, [AckType::Received], "{what}");
+        scene.rig.run(1.4);
+        assert!(has_only_arrived(&scene, A, ticket), "{what}");
+        scene.rig.run(6.0);
+        let answers = scene.rig.stations[A].answers(ticket);
+        let last = answers.last().copied();
+        // What a named successor has not accepted yet is still received.
+        let expected = match what {
+            "4" => AckType::Received,
+            _ => AckType::CarriedOut,
+        };
+        assert_eq!(last, Some(expected), "{what}: {answers:?}");
+        assert_eq!(status(&scene).held, 0, "{what}");
     }
 }
 

@@ -102,7 +102,8 @@ impl AuthorityMachine {
             authority.handover(at, &by, acquirer, wanted)
         });
         let answer = self.acknowledgement(&origin, by.id, &answer, effects);
-        effects.acknowledge(&origin, answer);
+        let vehicle = effects.id;
+        effects.dli.acknowledge_decision(vehicle, &origin, answer);
     }
 
     /// Reports the handovers that began and ended.

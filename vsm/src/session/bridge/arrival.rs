@@ -409,7 +409,8 @@ impl Bridge {
             one.ask_authority(&mut dli, input);
         }
         if let Some(answer) = answer {
-            dli.acknowledge(destination_as_source(destination, dli.vsm), origin, answer);
+            let source = destination_as_source(destination, dli.vsm);
+            dli.acknowledge_again(source, origin, answer);
         }
     }
 

@@ -61,7 +61,7 @@ impl Bridge {
                         request,
                     };
                     let answer = one.ask_authority(&mut dli, input);
-                    dli.acknowledge(destination, &origin, answer);
+                    dli.acknowledge_decision(destination, &origin, answer);
                 }
                 None => dli.refuse(&origin, TO_ONE),
             },
@@ -172,7 +172,7 @@ fn authorise(
     }
     // An answer comes from the destination of the query; for a query to all that is the VSM.
     let source = Some(destination).filter(|id| aircraft.has(*id));
-    dli.acknowledge(source.unwrap_or(dli.vsm), origin, answer);
+    dli.acknowledge_decision(source.unwrap_or(dli.vsm), origin, answer);
 }
 
 /// 17001 and 17002 of stations that hold LOI 2, to one vehicle or all. Sent to all, it is carried out if any vehicle does
