@@ -1,5 +1,6 @@
 //! The whole chain under virtual time: a station, the bridge, an agent and a simulated PX4. Bridge and agent are two
-//! computers, each with a disk and a wall clock of its own, and can be restarted. An attacker records the radio.
+//! computers, each with a disk and a wall clock of its own, and can be restarted. An attacker records the radio; with an
+//! encrypted one (`radio`) between the two, what passes is inside its packets.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -17,6 +18,7 @@ use vsm::airside::{Agent, Side};
 use vsm::config::Config;
 use vsm::session::{Bridge, Destination, LinkEnd, Peer};
 
+use crate::radio::{AIR_END, EncryptedRadio, GROUND_END};
 use crate::world::{Disk, GROUND, PX4, STRANGER, at, key, settings, start};
 
 /// 2026-11-21 07:31 UTC.
@@ -38,6 +40,8 @@ pub(crate) struct Chain {
     disk: Disk,
     pub(crate) px4: Autopilot<Peer>,
     station: Station,
+    /// Between bridge and agent, where the link is encrypted.
+    encrypted: Option<EncryptedRadio>,
     /// Nothing of the bridge arrives at the agent.
     pub(crate) uplink_cut: bool,
     /// All that the bridge has sent over the radio.
@@ -48,7 +52,7 @@ pub(crate) struct Chain {
 impl Chain {
     /// All three have the key; the station holds every right, and the vehicle is on the ground.
     pub(crate) fn ready() -> Chain {
-        let mut chain = Chain::new();
+        let mut chain = Chain::with("signing = { key_file = \"uav.key\" }\n", None);
         chain.run(9.0);
         let end = chain.carry_out(orders::request_control(), 20.0);
         assert_eq!(end, Some(AckType::CarriedOut), "{:#?}", chain.log);
@@ -56,11 +60,11 @@ impl Chain {
         chain
     }
 
-    fn new() -> Chain {
+    /// `keys`: of the `[[vehicle]]`, beside its id and link.
+    pub(crate) fn with(keys: &str, encrypted: Option<EncryptedRadio>) -> Chain {
         let text = format!(
             "[dli]\nvsm_id = \"{VSM}\"\nlisten = \"127.0.0.1:4586\"\n[[cucs]]\nid = \"{}\"\nloi = [2, 3, 4, 5]\n\
-             [[vehicle]]\nid = \"{}\"\nlink = \"udpout:127.0.0.1:{RADIO}\"\nsystem_id = 1\n\
-             signing = {{ key_file = \"uav.key\" }}\n[store]\ndir = \"state\"\n",
+             [[vehicle]]\nid = \"{}\"\nlink = \"udpout:127.0.0.1:{RADIO}\"\nsystem_id = 1\n{keys}[store]\ndir = \"state\"\n",
             cucs(0),
             vehicle_id(0),
         );
@@ -83,6 +87,7 @@ impl Chain {
                 vec![Some(at(9))],
             ),
             station: Station::new(cucs(0), STATION),
+            encrypted,
             uplink_cut: false,
             recorded: Vec::new(),
             log: Vec::new(),
@@ -103,6 +108,23 @@ impl Chain {
         for _ in 0..(seconds / STEP.as_secs_f64()) as usize {
             self.step();
         }
+    }
+
+    /// Time since the start of the test.
+    pub(crate) fn elapsed(&self) -> Duration {
+        self.station_clock.elapsed()
+    }
+
+    /// The encrypted radio of a chain that has one.
+    pub(crate) fn encrypted(&mut self) -> &mut EncryptedRadio {
+        self.encrypted.as_mut().expect("an encrypted radio")
+    }
+
+    /// Whether both ends of the encrypted radio receive each other.
+    pub(crate) fn is_encrypted(&self) -> bool {
+        let now = [self.ground.now().mono, self.air.now().mono];
+        let radio = self.encrypted.as_ref();
+        radio.is_some_and(|radio| radio.is_up(now))
     }
 
     /// How the bridge and the agent's radio say that the link stands.
@@ -166,12 +188,29 @@ impl Chain {
             .handle_radio(now, at(from), bytes, &mut random, &mut self.disk);
     }
 
+    /// Frames of the agent arrive at the bridge.
+    fn receive(&mut self, now: Now, frames: &[u8]) {
+        let (bridge, store) = (&mut self.bridge, &mut self.store);
+        bridge.handle_vehicle(now, 0, at(RADIO), frames, store, &mut |_, _| {});
+    }
+
     fn step(&mut self) {
         for clock in [&mut self.ground, &mut self.air, &mut self.station_clock] {
             clock.advance(STEP);
         }
         let (ground, air) = (self.ground.now(), self.air.now());
+        let clock = self.station_clock.elapsed();
         let mut out = [0; MAX_FRAME];
+        if let Some(mut radio) = self.encrypted.take() {
+            for (end, frames) in radio.step(clock, [ground, air]) {
+                if end == AIR_END {
+                    self.radio(GROUND, &frames);
+                } else {
+                    self.receive(ground, &frames);
+                }
+            }
+            self.encrypted = Some(radio);
+        }
         self.px4.step(STEP);
         while let Some(sent) = self.px4.poll_transmit(&mut out) {
             self.agent
@@ -192,23 +231,22 @@ impl Chain {
             if self.uplink_cut {
                 continue;
             }
-            self.recorded.push(frame.bytes().to_vec());
             let bytes = frame.bytes().to_vec();
-            self.radio(GROUND, &bytes);
+            match &mut self.encrypted {
+                Some(radio) => radio.send(GROUND_END, ground, clock, &bytes),
+                None => self.radio(GROUND, &bytes),
+            }
+            self.recorded.push(bytes);
         }
         while let Some(sent) = self.agent.poll_transmit(air, &mut self.disk, &mut out) {
             let bytes = &out[..sent.len];
             match sent.side {
                 Side::Px4 => self.px4.handle_datagram(0, at(9), bytes),
                 // What is sent to the attacker does not arrive at the bridge.
-                Side::Radio if sent.to == at(GROUND) => self.bridge.handle_vehicle(
-                    ground,
-                    0,
-                    at(RADIO),
-                    bytes,
-                    &mut self.store,
-                    &mut |_, _| {},
-                ),
+                Side::Radio if sent.to == at(GROUND) => match &mut self.encrypted {
+                    Some(radio) => radio.send(AIR_END, air, clock, bytes),
+                    None => self.receive(ground, bytes),
+                },
                 Side::Radio => {}
             }
         }
