@@ -339,6 +339,8 @@ mod memory {
         pub records: BTreeMap<String, Vec<u8>>,
         /// No file whose name starts so can be changed: a full disk. An empty text matches every file.
         pub full: Option<&'static str>,
+        /// But for those that start so and are there: a full disk has room to write over them.
+        pub written_over: Option<&'static str>,
         /// How many changes were tried.
         pub writes: u64,
         /// How many of them were refused.
@@ -360,7 +362,9 @@ mod memory {
     impl MemoryDisk {
         fn admit(&mut self, name: &str, durability: Durability) -> Result<(), StoreError> {
             self.writes += 1;
-            if self.full.is_some_and(|prefix| name.starts_with(prefix)) {
+            let starts = |prefix: &str| name.starts_with(prefix);
+            let over = self.written_over.is_some_and(starts) && self.records.contains_key(name);
+            if self.full.is_some_and(starts) && !over {
                 self.refused += 1;
                 return Err(StoreError::new(name, "No space left on device"));
             }

@@ -43,6 +43,6 @@ mod stats;
 pub use self::endpoint::{Carrier, EncryptedConfig, EncryptedEvent, EncryptedLink, EncryptedState};
 pub use self::exchange::{LINK_POLICY, Role};
 pub use self::framing::{MAX_CONTENT, MAX_WIRE};
-pub use self::record::EncryptedRecord;
+pub use self::record::{ENCRYPTED, EncryptedRecord};
 pub use self::sealer::bytes_on_radio;
 pub use self::stats::{Dropped, EncryptedStats};

@@ -36,19 +36,23 @@ impl EncryptedRecord {
     }
 }
 
+/// How the files of these records begin.
+pub const ENCRYPTED: &str = "encrypted-";
+
 impl Record for EncryptedRecord {
     /// The vehicle's identification number.
     type Key = u32;
     const DURABILITY: Durability = Durability::Power;
 
     fn name(vehicle: &u32) -> String {
-        format!("encrypted-{vehicle:08x}")
+        format!("{ENCRYPTED}{vehicle:08x}")
     }
 
     fn encode(&self) -> Vec<u8> {
         format!("{} {}\n", self.counter, self.epoch).into_bytes()
     }
 
+    // Line feeds may follow: a disk without room writes a shorter record over a longer one.
     fn decode(bytes: &[u8]) -> Result<Self, String> {
         let text = core::str::from_utf8(bytes).unwrap_or_default();
         let mut words = text.split_ascii_whitespace();
@@ -144,6 +148,8 @@ mod tests {
             epoch: 7,
         };
         assert_eq!(EncryptedRecord::decode(&record.encode()), Ok(record));
+        let longer = [record.encode(), b"\n\n".to_vec()].concat();
+        assert_eq!(EncryptedRecord::decode(&longer), Ok(record));
         for text in ["", "1", "1 2 3", "1 -2", "1 4294967296", "x y"] {
             assert!(EncryptedRecord::decode(text.as_bytes()).is_err(), "{text}");
         }

@@ -3,14 +3,21 @@
 //! After a power cut a file has the old or the new content, never a part: it is written beside, synchronised and renamed,
 //! and the folder is synchronised. If any step fails, the previous file can still be read. The steps go through
 //! [`FileSystem`], so that a test can make each of them fail or delay it.
+//!
+//! A full disk has no room for a file beside. It refuses every change but those without which no frame passes on a link
+//! ([`keeps_its_room`]): these are then written over what is there.
 
 use std::fmt;
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Read, Write};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt as _, OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{
+    DirBuilderExt, FileExt as _, MetadataExt as _, OpenOptionsExt, PermissionsExt,
+};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use mavlink_link::clock::CEILING;
+use mavlink_link::encrypted::ENCRYPTED;
 use mavlink_link::exchange::PublicKey;
 use mavlink_link::store::{
     Changes, Disk, Durability, MAX_RECORD_BYTES, Progress, Record, StoreError,
@@ -260,7 +267,13 @@ impl Disk for FileDisk {
         durability: Durability,
     ) -> Result<(), StoreError> {
         let (path, power) = (self.folder.join(name), durability == Durability::Power);
-        replace(&*self.system, &path, bytes, power).map_err(|cause| StoreError::new(name, cause))
+        let replaced = match replace(&*self.system, &path, bytes, power) {
+            Err(cause) if keeps_its_room(name) && is_no_room(&cause) => {
+                write_over(&*self.system, &path, bytes, power).map_err(|_| cause)
+            }
+            replaced => replaced,
+        };
+        replaced.map_err(|cause| StoreError::new(name, cause))
     }
 
     fn append(
@@ -423,6 +436,16 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
         Ok(Some(file))
     }
 
+    /// Writes over what a file holds, and leaves line feeds in what that was longer by: needs no room. For files of one
+    /// sector, see [`keeps_its_room`].
+    ///
+    /// # Errors
+    /// The system's; it is not there, or the content is longer than a sector.
+    fn write_over(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        let _ = (path, bytes);
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
     /// Overwrites a file in place and synchronises it. Links are not followed.
     ///
     /// # Errors
@@ -482,6 +505,20 @@ impl FileSystem for NativeFileSystem {
         File::open(path)?.sync_all()
     }
 
+    fn write_over(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        let file = ownership::open_no_link(OpenOptions::new().write(true), path)?;
+        ownership::check_file(&file, path)?;
+        let before = usize::try_from(file.metadata()?.len()).unwrap_or(usize::MAX);
+        let length = bytes.len().max(before);
+        if length > SECTOR {
+            return Err(io::ErrorKind::FileTooLarge.into());
+        }
+        // In one step: a process that ends in between leaves the old content or the new.
+        let mut all = bytes.to_vec();
+        all.resize(length, b'\n');
+        file.write_all_at(&all, 0)
+    }
+
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
         fs::rename(from, to)
     }
@@ -530,6 +567,39 @@ pub fn replace(system: &dyn FileSystem, path: &Path, bytes: &[u8], power: bool) 
         system.sync(folder_of(path))?;
     }
     Ok(())
+}
+
+/// Whether no frame passes on a link while this record cannot be written: the ceiling of a signing clock, and the epoch of an
+/// encrypted link. A full disk would end the link within seconds, and with it the heartbeats that keep PX4 from its failsafe.
+///
+/// Such a record is a line of a few digits, which line feeds may follow. A disk writes a sector whole or not at all, so that
+/// writing over it leaves the old line or the new one, after a power cut too.
+pub(super) fn keeps_its_room(name: &str) -> bool {
+    [CEILING, ENCRYPTED]
+        .iter()
+        .any(|prefix| name.starts_with(prefix))
+}
+
+/// Whether a disk, or the quota of a user on it, has no room left.
+pub(super) fn is_no_room(cause: &io::Error) -> bool {
+    matches!(
+        cause.kind(),
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
+    )
+}
+
+/// Writes a record over what is there. With `power` the new content survives a power cut once this returns.
+///
+/// # Errors
+/// The first step that fails; a file system that writes everything elsewhere (btrfs, ZFS) may need room for this too.
+pub(super) fn write_over(
+    system: &dyn FileSystem,
+    path: &Path,
+    bytes: &[u8],
+    power: bool,
+) -> io::Result<()> {
+    system.write_over(path, bytes)?;
+    if power { system.sync(path) } else { Ok(()) }
 }
 
 /// Creates a file that does not exist yet. When this returns it is durable, and whenever it exists it is complete.
@@ -625,6 +695,8 @@ pub(super) const ERASE_ORDER: &str = "zeroize.order";
 /// time.
 pub(super) const FLEET_EPOCH: &str = "fleet-epoch";
 
+/// What a disk writes whole or not at all, at least.
+const SECTOR: usize = 512;
 /// More than the largest record that a start writes.
 const PROBE_BYTES: usize = 16_384;
 /// Room for a few records.

@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 
-use kit::bridge::flight::hold_to_page;
+use kit::bridge::flight::{hold_at, hold_to_page};
 use kit::bridge::{Rig, Setup, orders};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{
@@ -20,6 +20,7 @@ struct Outcome {
     load: AckType,
     hold: AckType,
     control: AckType,
+    later: AckType,
     reported: bool,
     lost: bool,
     land: AckType,
@@ -29,7 +30,7 @@ fn end(rig: &mut Rig, order: impl Into<Message>) -> AckType {
     rig.carry_out(order).unwrap_or(AckType::Unknown(0))
 }
 
-fn fly(record: &'static str) -> Outcome {
+fn fly(full: &'static str, written_over: Option<&'static str>) -> Outcome {
     let mut rig = Rig::ready_with(Setup {
         stations: 2,
         ..Setup::default()
@@ -37,7 +38,8 @@ fn fly(record: &'static str) -> Outcome {
     rig.send_plan(orders::square());
     rig.done(orders::load());
     rig.take_off(20.0);
-    rig.store.full = Some(record);
+    rig.store.full = Some(full);
+    rig.store.written_over = written_over;
     let waypoint = end(&mut rig, orders::waypoint(102, 103, 40.0, 40.0, 60.0));
     let load = end(&mut rig, orders::load());
     let hold = end(&mut rig, orders::mode(Mode::Loiter));
@@ -48,8 +50,9 @@ fn fly(record: &'static str) -> Outcome {
     };
     let ticket = rig.send_as(1, 0, listen);
     let control = rig.end_as(1, ticket).unwrap_or(AckType::Unknown(0));
-    // Long enough for the signing clock to want its next ceiling.
+    // Longer than the signing clock is written ahead.
     rig.run(120.0);
+    let later = end(&mut rig, hold_at(25.0));
     let reported = ["cannot be stored", "could not be stored", "No space left"]
         .iter()
         .any(|text| rig.station().has_alert(text));
@@ -83,6 +86,7 @@ fn fly(record: &'static str) -> Outcome {
         load,
         hold,
         control,
+        later,
         reported,
         lost,
         land,
@@ -92,11 +96,11 @@ fn fly(record: &'static str) -> Outcome {
 #[test]
 fn a_record_that_cannot_be_written_refuses_what_it_must_keep_and_loses_nothing() {
     let mut table = String::from(
-        "| record that cannot be written | waypoint | load | hold | a right granted | reported by 16000 | accepted and lost | \
-         landing after the restart |\n|---|---|---|---|---|---|---|---|\n",
+        "| record that cannot be written | waypoint | load | hold | a right granted | hold after two minutes | \
+         reported by 16000 | accepted and lost | landing after the restart |\n|---|---|---|---|---|---|---|---|---|\n",
     );
-    for (record, name) in RECORDS {
-        let outcome = fly(record);
+    for (full, written_over, name) in RECORDS {
+        let outcome = fly(full, written_over);
         let word = |answer: AckType| match answer {
             AckType::CarriedOut => "carried out",
             AckType::Refused => "refused",
@@ -105,11 +109,12 @@ fn a_record_that_cannot_be_written_refuses_what_it_must_keep_and_loses_nothing()
         let yes = |so: bool| if so { "yes" } else { "no" };
         writeln!(
             table,
-            "| {name} | {} | {} | {} | {} | {} | {} | {} |",
+            "| {name} | {} | {} | {} | {} | {} | {} | {} | {} |",
             word(outcome.waypoint),
             word(outcome.load),
             word(outcome.hold),
             word(outcome.control),
+            word(outcome.later),
             yes(outcome.reported),
             yes(outcome.lost),
             word(outcome.land)
@@ -121,16 +126,21 @@ fn a_record_that_cannot_be_written_refuses_what_it_must_keep_and_loses_nothing()
             AckType::CarriedOut,
             "{name}: the flight continues"
         );
+        // Without the signing clock nothing may be sent to the vehicle.
+        let link = full != "clock" && (!full.is_empty() || written_over.is_some());
+        assert_eq!(outcome.later == AckType::CarriedOut, link, "{name}");
         assert_eq!(outcome.land, AckType::CarriedOut, "{name}");
     }
     hold_to_page("full disk", &table);
 }
 
-const RECORDS: [(&str, &str); 6] = [
-    ("plan", "plan"),
-    ("aboard", "route aboard"),
-    ("authority", "authority"),
-    ("audit", "audit log"),
-    ("clock", "signing clock"),
-    ("", "every record"),
+/// What cannot be written, what of it is written over in its place, and their name.
+const RECORDS: [(&str, Option<&str>, &str); 7] = [
+    ("plan", None, "plan"),
+    ("aboard", None, "route aboard"),
+    ("authority", None, "authority"),
+    ("audit", None, "audit log"),
+    ("clock", None, "signing clock"),
+    ("", Some("clock"), "every record: a full disk"),
+    ("", None, "every record, the signing clock too: read-only"),
 ];

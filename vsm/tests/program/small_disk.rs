@@ -81,15 +81,17 @@ fn a_full_and_a_read_only_disk_accept_nothing_and_lose_nothing() {
     );
 
     let moved = || orders::waypoint(102, 103, 40.0, 40.0, 60.0);
-    for (make, mend) in [
+    for (make, mend, full) in [
         (
             format!("cat /dev/zero > '{state}/filler' 2>/dev/null; true"),
             format!("rm '{state}/filler'"),
+            true,
         ),
         (
             // Over it, since the bridge holds its lock open: what is asked for by name is read-only.
             format!("mount -t tmpfs -o ro,mode=0700 tmpfs '{state}'"),
             format!("umount '{state}'"),
+            false,
         ),
     ] {
         within(&processes, &make);
@@ -105,6 +107,14 @@ fn a_full_and_a_read_only_disk_accept_nothing_and_lose_nothing() {
             "{make}"
         );
         assert!(is_known(&mut processes, 102), "{make}");
+        if full {
+            // Longer than the signing clock is written ahead: it is written over in its place.
+            processes.pass(15.0);
+            let held = end(&mut processes, hold_at(30.0));
+            assert_eq!(held, AckType::CarriedOut, "{make}");
+            // What must be kept is refused all the same.
+            assert_eq!(end(&mut processes, moved()), AckType::Refused, "{make}");
+        }
         within(&processes, &mend);
         assert_eq!(end(&mut processes, moved()), AckType::CarriedOut, "{mend}");
         processes.ground_mut().received.clear();

@@ -57,10 +57,12 @@ impl AuthorityMachine {
         }
         let after = effects.disk().queued();
         // Rights lost by silence or withdrawn by the configuration break no promise, and a restart would decide the same
-        // again. So a failing disk does not prevent the loss action.
-        let stands = of.cannot_wait();
+        // again. So a failing disk does not prevent the loss action. Nor does it keep control with a station that has
+        // released it: a release is always granted.
+        let stands = of.cannot_wait() || (matches!(of, Of::Request(_)) && decision.gives_up());
         if changed {
-            let stored = if self.unstored.len() < MAX_UNSTORED {
+            // What stands is written in any case: rights that end are few.
+            let stored = if stands || self.unstored.len() < MAX_UNSTORED {
                 (self.record).store_decision(&self.decided, &decision, stands, context, effects)
             } else {
                 Err(record_fault(
@@ -116,8 +118,7 @@ impl AuthorityMachine {
         let (Of::Request(asker) | Of::Handover(asker)) = of else {
             return true;
         };
-        let gives_up = decision.begun.is_empty() && decision.changes.iter().all(|c| c.to.is_none());
-        if gives_up {
+        if decision.gives_up() {
             return true;
         }
         let (monitors, commands) = self.allowances.entry(asker).or_default();

@@ -37,6 +37,8 @@ pub(crate) struct AuthorityRecord {
     control: Trail,
     monitors: Trail,
     repetitions: Repetitions,
+    /// Rights have ended, which the record or its logs lack: when it is tried again to store that.
+    owed_at: Option<Duration>,
 }
 
 impl Default for AuthorityRecord {
@@ -50,6 +52,7 @@ impl Default for AuthorityRecord {
             control: Trail::new(Kind::Control),
             monitors: Trail::new(Kind::Monitors),
             repetitions: Repetitions::default(),
+            owed_at: None,
         }
     }
 }
@@ -127,8 +130,8 @@ impl AuthorityRecord {
     /// Stores a decision that results in `rights`: first its lines of the audit logs, then the record.
     ///
     /// # Errors
-    /// It could not be stored. Unless it `stands` all the same, each log with lines of it gets one that they are not in
-    /// effect: now, or before its next line.
+    /// It could not be stored. If it `stands` all the same, it is stored by [`AuthorityRecord::store_owed`]. Otherwise each log
+    /// with lines of it gets one that they are not in effect: now, or before its next line.
     pub(super) fn store_decision(
         &mut self,
         rights: &Authority,
@@ -139,7 +142,10 @@ impl AuthorityRecord {
     ) -> Result<(), StoreError> {
         let before = (self.since.clone(), self.repetitions.clone());
         let mut logged = Vec::new();
-        let stored = self.write_decision(rights, decision, &mut logged, context, effects);
+        let stored = self.write_decision(rights, decision, stands, &mut logged, context, effects);
+        if stored.is_err() && stands {
+            self.owed_at = Some(context.mono() + TRY_AGAIN);
+        }
         if stored.is_err() && !stands {
             (self.since, self.repetitions) = before;
             for kind in Kind::ALL.into_iter().filter(|kind| logged.contains(kind)) {
@@ -155,18 +161,27 @@ impl AuthorityRecord {
         &mut self,
         rights: &Authority,
         decision: &Decision,
+        stands: bool,
         logged: &mut Vec<Kind>,
         context: &Context<'_>,
         effects: &mut Effects<'_>,
     ) -> Result<(), StoreError> {
         let durability = durability(decision);
+        let mut lacking = None;
         // Write the log before the record: a crash between them may leave an extra line, but never a change without its
         // line.
         for change in &decision.changes {
             let (kind, now) = (Kind::of(change), context.mono());
             if kind == Kind::Control || !self.repetitions.count(change, now) {
-                self.write_audit(kind, &Entry::Change(*change), durability, context, effects)?;
-                logged.push(kind);
+                let entry = Entry::Change(*change);
+                match self.write_audit(kind, &entry, durability, context, effects) {
+                    Ok(()) => logged.push(kind),
+                    Err(fault) if stands => {
+                        self.owe(kind, entry, context);
+                        lacking = Some(fault);
+                    }
+                    Err(fault) => return Err(fault),
+                }
                 if kind == Kind::Monitors {
                     self.repetitions.written(change, now);
                 }
@@ -176,7 +191,50 @@ impl AuthorityRecord {
             }
         }
         self.since.retain(|id, _| !rights.held(*id).is_empty());
-        self.store(rights, durability, context, effects)
+        match lacking {
+            Some(fault) => Err(fault),
+            None => self.store(rights, durability, context, effects),
+        }
+    }
+
+    /// The log lacks the line of what holds all the same.
+    fn owe(&mut self, kind: Kind, entry: Entry, context: &Context<'_>) {
+        self.trail(kind, context).0.owe(context.now.wall, entry);
+        self.owed_at = Some(context.mono() + TRY_AGAIN);
+    }
+
+    /// Stores what holds though the disk did not take it, as soon as it does: the lines of the logs, then the record. Until then a
+    /// restart would return a right that was released.
+    pub(super) fn store_owed(
+        &mut self,
+        rights: &Authority,
+        context: &Context<'_>,
+        effects: &mut Effects<'_>,
+    ) {
+        if self.owed_at.is_none_or(|at| context.mono() < at) {
+            return;
+        }
+        self.owed_at = match self.write_owed(rights, context, effects) {
+            // Operators were alerted when it began.
+            Err(_) => Some(context.mono() + TRY_AGAIN),
+            Ok(()) => {
+                effects.clear(Cause::Store, "authority is stored again");
+                None
+            }
+        };
+    }
+
+    fn write_owed(
+        &mut self,
+        rights: &Authority,
+        context: &Context<'_>,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), StoreError> {
+        for kind in Kind::ALL {
+            let (trail, at) = self.trail(kind, context);
+            trail.write_owed(&at, effects.disk())?;
+        }
+        self.store(rights, Durability::Power, context, effects)
     }
 
     /// Stores whether the silence of a holder counts (it has sent heartbeats), and its proven address. After a restart its
@@ -298,7 +356,7 @@ impl AuthorityRecord {
     /// Writes the outcome of a flight termination. Returns the disk change that will make it durable.
     ///
     /// # Errors
-    /// It could not be written.
+    /// It could not be written; it is once the disk takes it, see [`AuthorityRecord::store_owed`].
     pub(super) fn write_termination(
         &mut self,
         what: &'static str,
@@ -310,14 +368,19 @@ impl AuthorityRecord {
         let after = effects.disk().queued();
         let why = why.to_owned();
         let entry = Entry::Termination { what, by, why };
-        self.write_audit(Kind::Control, &entry, Durability::Power, context, effects)?;
+        let written = self.write_audit(Kind::Control, &entry, Durability::Power, context, effects);
+        if let Err(fault) = written {
+            self.owe(Kind::Control, entry, context);
+            return Err(fault);
+        }
         let until = effects.disk().queued();
         Ok(Changes { after, until })
     }
 
-    /// When [`AuthorityRecord::write_repetitions`] is next needed.
+    /// When [`AuthorityRecord::write_repetitions`] or [`AuthorityRecord::store_owed`] is next needed.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
-        self.repetitions.poll_timeout()
+        let repetitions = self.repetitions.poll_timeout();
+        repetitions.into_iter().chain(self.owed_at).min()
     }
 
     fn store(
@@ -437,6 +500,8 @@ pub(super) fn durability(decision: &Decision) -> Durability {
 
 /// Maximum number of messages of one station that wait for a decision about a vehicle.
 const MAX_WAITING: usize = 16;
+/// How often it is tried again to store what holds.
+const TRY_AGAIN: Duration = Duration::from_secs(1);
 
 #[cfg(test)]
 mod tests {

@@ -18,6 +18,7 @@ use crate::session::other::Other;
 impl AuthorityMachine {
     pub(super) fn watch_silence(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         self.record.write_repetitions(context, effects);
+        self.record.store_owed(&self.decided, context, effects);
         for station in context.stations {
             let id = station.id();
             let takes_part = |one: &Handover| one.to == id || one.from == Some(id);

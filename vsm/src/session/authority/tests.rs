@@ -142,6 +142,49 @@ fn a_grant_that_the_disk_refuses_is_taken_back_and_the_audit_log_reports_it() {
 }
 
 #[test]
+fn a_release_that_the_disk_refuses_holds_and_is_stored_once_there_is_room() {
+    let (mut world, mut machine) = start();
+    request(&mut world, &mut machine, 0, LOI4_5);
+    let release = RequestedAccess::Relinquish;
+    world.fill_disk();
+    let answer = authorise(&mut world, &mut machine, 0, release, LOI4_5);
+    assert_eq!(answer, AckType::CarriedOut);
+    assert_eq!(machine.controller(), None);
+    assert_eq!(priorities(&world), [AlertPriority::Warning]);
+    // What must be stored to be granted is refused.
+    let answer = request(&mut world, &mut machine, 1, LOI4_5);
+    assert_eq!(answer, AckType::Refused);
+
+    // Nothing is lost by a disk that is full for longer.
+    let limits = world.settings.authority;
+    let due = machine.poll_timeout(world.now.mono, &world.stations, &limits);
+    assert!(due.is_some());
+    world.advance(Duration::from_secs(2));
+    handle(&mut world, &mut machine, Input::WatchSilence);
+    assert_eq!(priorities(&world), [AlertPriority::Warning]);
+    let happened = world.now.wall - Duration::from_secs(2);
+
+    world.disk = Box::new(MemoryDisk::default());
+    world.advance(Duration::from_secs(2));
+    handle(&mut world, &mut machine, Input::WatchSilence);
+    assert_eq!(priorities(&world), []);
+    let due = machine.poll_timeout(world.now.mono, &world.stations, &limits);
+    assert_eq!(due, None);
+    let mut restarted = AuthorityMachine::default();
+    let restored = world.act(|context, _, effects| restarted.restore(&context, effects));
+    restored.expect("the record is read");
+    assert_eq!(restarted.controller(), None);
+    // The line has the time at which it happened.
+    let log = world.disk.read("audit-1b000101.log", u64::MAX);
+    let log = log.expect("it can be read").expect("it was written");
+    let log = String::from_utf8_lossy(&log).into_owned();
+    let line = log.lines().find(|line| line.contains("released"));
+    let line = line.unwrap_or_else(|| panic!("{log}"));
+    let at = format!("\"time_ms\":{},", happened.as_millis());
+    assert!(line.contains(&at), "{line}");
+}
+
+#[test]
 fn a_release_is_granted_whatever_else_it_names() {
     let (mut world, mut machine) = start();
     request(&mut world, &mut machine, 0, LOI4_5);

@@ -8,7 +8,7 @@
 //! A start and `vsm audit verify` both use [`examine`]. The head reveals an older copy of the logs. An older copy of the
 //! whole folder is revealed only by a later head that was kept elsewhere.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::time::Duration;
 
@@ -279,6 +279,8 @@ pub(super) struct Trail {
     bytes: usize,
     /// Its last changes are not in effect, and no line records that yet.
     retracts: bool,
+    /// What holds though its line could not be written, and since when (since 1970).
+    owed: VecDeque<(Duration, Entry)>,
 }
 
 impl Trail {
@@ -288,6 +290,7 @@ impl Trail {
             chain: Chain::default(),
             bytes: 0,
             retracts: false,
+            owed: VecDeque::new(),
         }
     }
 
@@ -334,7 +337,33 @@ impl Trail {
         Ok(())
     }
 
-    /// Writes one line, preceded by the lines that retract changes, begin a file or the use of a key if needed.
+    /// This holds since then, and its line could not be written: it comes before the next one.
+    pub(super) fn owe(&mut self, wall: Duration, entry: Entry) {
+        if self.owed.len() < MAX_OWED {
+            self.owed.push_back((wall, entry));
+        }
+    }
+
+    /// Writes the lines that are owed.
+    ///
+    /// # Errors
+    /// Not all of them could be written.
+    pub(super) fn write_owed(
+        &mut self,
+        at: &Place<'_>,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        self.write_retraction(at, disk)?;
+        while let Some((wall, entry)) = self.owed.front().cloned() {
+            let then = Place { wall, ..*at };
+            self.write_after(&entry, Durability::Power, &then, disk)?;
+            self.owed.pop_front();
+        }
+        Ok(())
+    }
+
+    /// Writes one line, preceded by the lines that retract changes, that are owed, and that begin a file or the use of a key if
+    /// needed.
     ///
     /// # Errors
     /// It could not be written.
@@ -345,7 +374,7 @@ impl Trail {
         at: &Place<'_>,
         disk: &mut dyn Disk,
     ) -> Result<(), StoreError> {
-        self.write_retraction(at, disk)?;
+        self.write_owed(at, disk)?;
         self.write_after(entry, durability, at, disk)
     }
 
@@ -495,3 +524,5 @@ const COALESCED: Duration = Duration::from_secs(10);
 const MAX_BYTES: usize = 1 << 20;
 /// Number of rotated files that are kept, with some four thousand lines each.
 const MAX_FILES: u32 = 8;
+/// Lines of what holds that wait for a disk: rights that can only end meanwhile, and terminations.
+const MAX_OWED: usize = 256;

@@ -719,7 +719,7 @@ pub(crate) fn alert_text(alert: Alert) -> &'static str {
             "this computer's clock is over a year ahead of the signing clock: check it"
         }
         A::CeilingNotStored => {
-            "the signing clock cannot be stored: sending and accepting will stop"
+            "the signing clock cannot be stored: nothing is sent to the vehicle and nothing of it accepted before it can be"
         }
         A::ClockExhausted => "the signing clock is exhausted: a new key is needed",
         A::StaysBehind => "the vehicle's timestamps stay behind: its frames are refused",

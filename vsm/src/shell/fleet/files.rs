@@ -248,6 +248,12 @@ impl FileSystem for SharedFiles {
         Ok(())
     }
 
+    fn write_over(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        NativeFileSystem.write_over(path, bytes)?;
+        self.note(path);
+        Ok(())
+    }
+
     fn sync(&self, path: &Path) -> io::Result<()> {
         NativeFileSystem.sync(path)?;
         // An order to erase must take effect on this computer even when etcd does not answer.

@@ -10,7 +10,8 @@
 //! write. Once known, they are read from memory, since each new one is compared with the one before.
 //!
 //! A record is first written under a temporary name (`authority-1b000101.json.new-7`); the thread renames it. Until then
-//! the new bytes are read from memory. A start removes what a crash left.
+//! the new bytes are read from memory. A start removes what a crash left. Where a full disk has no room for that, the thread
+//! writes a record that no link works without over what is there ([`keeps_its_room`]).
 //!
 //! If a thread cannot make a file durable, it tries that file again. What depends on the file continues to wait, and
 //! further changes of it are refused: an accepted change takes effect in the end, or never if the process ends; a refused
@@ -39,7 +40,7 @@ use zeroize::Zeroizing;
 
 pub(super) use self::writer::dirty_names;
 use self::writer::{BESIDE, Batch, Done, Grown, Waiting, write};
-use super::disk::{Added, FileDisk, replace};
+use super::disk::{Added, FileDisk, is_no_room, keeps_its_room, replace};
 
 mod writer;
 
@@ -284,16 +285,21 @@ impl QueuedDisk {
     fn put(&mut self, name: &str, bytes: Zeroizing<Vec<u8>>, log: bool) -> Result<(), StoreError> {
         let beside = self.beside(name, self.queued + 1);
         let system = self.disk.system();
-        if let Err(cause) = system.write(&beside, &bytes) {
+        let written = system.write(&beside, &bytes);
+        if let Err(cause) = &written {
             let _ = system.remove(&beside);
-            return Err(StoreError::new(name, cause));
+            // The thread writes it over what is there.
+            let has_room = keeps_its_room(name) && is_no_room(cause) && self.disk.has(name);
+            if !has_room {
+                return Err(StoreError::new(name, cause));
+            }
         }
         let waiting = Waiting {
             change: self.queue(name),
             beside,
             bytes: Arc::new(bytes),
             log,
-            written: true,
+            written: written.is_ok(),
         };
         self.wait_for(name, waiting);
         self.start(lane_of(name));

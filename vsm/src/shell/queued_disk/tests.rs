@@ -7,6 +7,7 @@ use std::os::fd::AsRawFd as _;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::*;
 use crate::shell::disk::{FileSystem, NativeFileSystem};
@@ -356,4 +357,93 @@ fn a_line_that_is_refused_is_not_in_the_log() {
     system.set(|platter| platter.files_fail = true);
     disk.append("log", b"2\n", Durability::Power).unwrap_err();
     assert_eq!(std::fs::read(store.join("log")).unwrap(), b"1\n");
+}
+
+/// A disk that has no room for a new file, once it is full.
+#[derive(Debug, Clone, Default)]
+struct Full(Arc<AtomicBool>);
+
+impl FileSystem for Full {
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        if self.0.load(Ordering::Relaxed) {
+            return Err(io::ErrorKind::StorageFull.into());
+        }
+        NativeFileSystem.write(path, bytes)
+    }
+
+    fn write_over(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        NativeFileSystem.write_over(path, bytes)
+    }
+
+    fn sync(&self, path: &Path) -> io::Result<()> {
+        NativeFileSystem.sync(path)
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        NativeFileSystem.rename(from, to)
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        NativeFileSystem.remove(path)
+    }
+
+    fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
+        NativeFileSystem.read(path, most)
+    }
+}
+
+#[test]
+fn a_full_disk_refuses_every_change_but_those_that_no_link_works_without() {
+    const CLOCK: &str = "clock-0102030405060708";
+    const LINK: &str = "encrypted-1b000101";
+    let (folder, system) = (tempfile::tempdir().unwrap(), Full::default());
+    let open = |name: &str| {
+        let disk = FileDisk::open_on(&folder.path().join(name), Box::new(system.clone()));
+        disk.expect("a store")
+    };
+    let put = |name: &'static str, text: &'static str| {
+        move |disk: &mut QueuedDisk| {
+            disk.replace(name, text.as_bytes(), Durability::Power)
+                .unwrap();
+        }
+    };
+    let mut disk = QueuedDisk::new(open("state"), Arc::new(Notify::new())).expect("a thread");
+    // As the guard of a CUCS has it.
+    let mut plain = open("guard");
+    for (name, text) in [(CLOCK, "100\n"), (LINK, "12 7\n")] {
+        assert_eq!(outcome(&mut disk, put(name, text)), Progress::Durable);
+        plain
+            .replace(name, text.as_bytes(), Durability::Power)
+            .unwrap();
+    }
+
+    system.0.store(true, Ordering::Relaxed);
+    // The clock of a new key has no place yet.
+    for name in ["authority-1b000101.json", "clock-0807060504030201"] {
+        disk.replace(name, b"1\n", Durability::Power).unwrap_err();
+        plain.replace(name, b"1\n", Durability::Power).unwrap_err();
+    }
+    disk.append("audit-1b000101.log", b"1\n", Durability::Power)
+        .unwrap_err();
+    for (name, text, left) in [
+        (CLOCK, "200\n", "200\n"),
+        (CLOCK, "1000\n", "1000\n"),
+        (LINK, "1 8\n", "1 8\n\n"),
+    ] {
+        assert_eq!(outcome(&mut disk, put(name, text)), Progress::Durable);
+        plain
+            .replace(name, text.as_bytes(), Durability::Power)
+            .unwrap();
+        for store in ["state", "guard"] {
+            let path = folder.path().join(store).join(name);
+            assert_eq!(std::fs::read_to_string(path).unwrap(), left, "{store}");
+        }
+    }
+    assert_eq!(disk.failing(), None);
+
+    system.0.store(false, Ordering::Relaxed);
+    assert_eq!(outcome(&mut disk, put(CLOCK, "1100\n")), Progress::Durable);
+    let left = names(&folder.path().join("state")).unwrap();
+    let left: Vec<OsString> = left.into_keys().collect();
+    assert_eq!(left, [CLOCK, LINK, "lock"]);
 }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 use zeroize::Zeroizing;
 
-use crate::shell::disk::FileSystem;
+use crate::shell::disk::{self, FileSystem};
 
 /// The content of a record, or of a log written whole, that has not been renamed yet.
 #[derive(Debug, Clone)]
@@ -214,7 +214,11 @@ fn make_durable(system: &dyn FileSystem, folder: &Path, batch: &Batch) -> BTreeM
         }
         match sync_beside(system, batch, record) {
             Ok(()) => ready.push((name, record)),
-            Err(cause) => drop(failed.insert(name.clone(), cause.to_string())),
+            Err(cause) => {
+                if let Err(cause) = write_over(system, &folder.join(name), record, cause) {
+                    failed.insert(name.clone(), cause.to_string());
+                }
+            }
         }
     }
     for (name, record) in ready {
@@ -246,6 +250,24 @@ fn sync_beside(system: &dyn FileSystem, batch: &Batch, record: &Waiting) -> io::
         system.write(&record.beside, &record.bytes)?;
     }
     system.sync(&record.beside)
+}
+
+/// Writes a record over what is there, where no link works without it and the disk has no room beside.
+///
+/// # Errors
+/// `cause`, which the other way has failed for, or the record is none of these.
+fn write_over(
+    system: &dyn FileSystem,
+    path: &Path,
+    record: &Waiting,
+    cause: io::Error,
+) -> io::Result<()> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    if !disk::keeps_its_room(&name) || !disk::is_no_room(&cause) {
+        return Err(cause);
+    }
+    let _ = system.remove(&record.beside);
+    disk::write_over(system, path, &record.bytes, true).map_err(|_| cause)
 }
 
 /// Changes the names of a folder, so that its next synchronisation writes them: after a failed one they may count as

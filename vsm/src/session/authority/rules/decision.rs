@@ -21,6 +21,14 @@ pub struct Decision {
     pub ended: Vec<Ended>,
 }
 
+impl Decision {
+    /// Whether it only ends rights and requests: nobody has more by it.
+    #[must_use]
+    pub fn gives_up(&self) -> bool {
+        self.begun.is_empty() && self.changes.iter().all(|change| change.to.is_none())
+    }
+}
+
 /// The answer to a request. The machine has the rights held afterwards.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum Answer {
