@@ -12,9 +12,9 @@ use crate::config::{
     Config, ContingencyAction, ExchangeMode, Signing, Vehicle, line_in, owner_name,
 };
 use crate::shell::clock::Clock;
-use crate::shell::key_file;
 use crate::shell::server::StartError;
 use crate::shell::server::checks::{self, NamedFile};
+use crate::shell::{disk, key_file, key_store};
 
 use super::process::{Failure, bad, load, load_airside, print};
 
@@ -40,6 +40,7 @@ pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     }
     let files = checks::named_files(&config, Some(path));
     let held = keys(path, &files)?;
+    check_store(path, &config.store.dir)?;
     let key_of = |whose: String| held.iter().find(|(file, _)| file.whose == whose);
     let list = checks::look_at_access(&config)
         .map_err(|fault| bad(in_file(path, (0, "access.list"), &fault)))?;
@@ -158,6 +159,11 @@ fn in_file(path: &Path, (at, key): (usize, &str), fault: &impl std::fmt::Display
     anyhow!("{}: {line}{key}: {text}", path.display())
 }
 
+/// Whether every record of the store can be replaced.
+fn check_store(path: &Path, store: &Path) -> Result<(), Failure> {
+    disk::check_names(store).map_err(|fault| bad(in_file(path, (0, "store.dir"), &fault)))
+}
+
 /// Why a start has failed, with the key and line of the file that it could not use, where it is one.
 pub(super) fn located(path: &Path, config: &Config, fault: StartError) -> anyhow::Error {
     let files = checks::named_files(config, None);
@@ -180,6 +186,9 @@ fn check_airside(path: &Path) -> Result<(), Failure> {
         config.radio.get_ref(),
         config.px4.get_ref(),
     );
+    check_store(path, &config.store.dir)?;
+    key_store::check_names(&agent.key_file)
+        .map_err(|fault| bad(in_file(path, (0, "agent.key_file"), &fault)))?;
     let key = if agent.key_file.exists() {
         let key = key_file::read(&agent.key_file)
             .map_err(|fault| bad(in_file(path, (0, "agent.key_file"), &fault)))?;

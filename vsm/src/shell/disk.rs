@@ -51,6 +51,14 @@ pub(super) struct Added {
     pub(super) new: bool,
 }
 
+/// A folder has the name under which a file is written before it gets its place, so that this file can never be replaced.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{path} is a folder, and a file is written under that name before it gets its place: remove the folder", path = path.display())]
+pub struct InTheWay {
+    /// The folder.
+    pub path: PathBuf,
+}
+
 /// The store cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
@@ -73,6 +81,9 @@ pub enum OpenError {
     /// It belongs to another user.
     #[error("[store] dir: {0}")]
     Ownership(#[from] OwnershipError),
+    /// A record of it can never be replaced.
+    #[error("[store] dir: {0}")]
+    InTheWay(#[from] InTheWay),
     /// Its content is to be erased, which is not finished: nothing is served from it.
     #[error("[store] dir {folder} is being zeroized: start `vsm run`, `vsm airside` or `vsm zeroize` on it, each of which finishes that first", folder = folder.display())]
     Zeroizing {
@@ -117,6 +128,7 @@ impl FileDisk {
             let folder = folder.to_owned();
             return Err(OpenError::Zeroizing { folder });
         }
+        check_names(folder)?;
         Ok(disk)
     }
 
@@ -491,7 +503,11 @@ pub struct NativeFileSystem;
 impl FileSystem for NativeFileSystem {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         // An existing file may have another mode or owner, or be a link.
-        self.remove(path)?;
+        self.remove(path)
+            .map_err(|cause| match not_a_folder(path) {
+                Err(fault) => io::Error::new(cause.kind(), fault),
+                Ok(()) => cause,
+            })?;
         let mut file = OpenOptions::new()
             .write(true)
             .create_new(true)
@@ -520,7 +536,13 @@ impl FileSystem for NativeFileSystem {
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
-        fs::rename(from, to)
+        fs::rename(from, to).map_err(|cause| match cause.kind() {
+            io::ErrorKind::IsADirectory => {
+                let problem = format!("{} is a folder, expected a file: remove it", to.display());
+                io::Error::new(cause.kind(), problem)
+            }
+            _ => cause,
+        })
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
@@ -619,6 +641,38 @@ pub fn create(path: &Path, bytes: &[u8]) -> io::Result<()> {
         .and_then(|()| system.sync(folder_of(path)))
 }
 
+/// Whether every record of a store can be replaced: no folder has the name of one that is being written.
+///
+/// # Errors
+/// A folder has.
+pub fn check_names(store: &Path) -> Result<(), InTheWay> {
+    // That the store cannot be read has an error of its own.
+    let entries = fs::read_dir(store).into_iter().flatten().flatten();
+    for entry in entries {
+        if entry.file_name().to_string_lossy().contains(NEW) {
+            not_a_folder(&entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// The same of one file.
+///
+/// # Errors
+/// As [`check_names`].
+pub(super) fn check_name(path: &Path) -> Result<(), InTheWay> {
+    not_a_folder(&beside(path))
+}
+
+fn not_a_folder(path: &Path) -> Result<(), InTheWay> {
+    match fs::symlink_metadata(path) {
+        Ok(about) if about.is_dir() => Err(InTheWay {
+            path: path.to_owned(),
+        }),
+        _ => Ok(()),
+    }
+}
+
 /// Whether files can be written in a folder, or in what there is of the folders above it: one is, and is removed again.
 ///
 /// # Errors
@@ -636,16 +690,12 @@ pub(super) fn probe(folder: &Path) -> io::Result<()> {
     written.and(removed)
 }
 
-/// That the disk of a store's folder has no room left, where the system says so.
-pub(super) fn is_full(folder: &Path) -> Option<String> {
+/// How many bytes are free on the disk of a store's folder, where it has no room left, and the system says so.
+pub(super) fn is_full(folder: &Path) -> Option<u64> {
     let about = rustix::fs::statvfs(folder).ok()?;
     let free = about.f_bavail.saturating_mul(about.f_frsize);
     // Some file systems count no blocks.
-    let full = about.f_blocks > 0 && free < MIN_FREE_BYTES;
-    full.then(|| {
-        let folder = folder.display();
-        format!("[store] dir {folder}: its disk is full, {free} bytes are free")
-    })
+    (about.f_blocks > 0 && free < MIN_FREE_BYTES).then_some(free)
 }
 
 /// Whether a store contains an order to zeroize. An unreadable one counts too: such a store must not be served.
@@ -702,12 +752,15 @@ const PROBE_BYTES: usize = 16_384;
 /// Room for a few records.
 const MIN_FREE_BYTES: u64 = 65_536;
 
-/// `uav1.key` while it is being written: `uav1.key.new`.
-fn beside(path: &Path) -> PathBuf {
+/// `uav1.key` while it is being written: `uav1.key.new`. An interrupted write may have left it.
+pub(super) fn beside(path: &Path) -> PathBuf {
     let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
+    beside.push(NEW);
     PathBuf::from(beside)
 }
+
+/// In the name of every file that is being written; `queued_disk` adds a number.
+const NEW: &str = ".new";
 
 /// Where a file is put once it is written: `uav1.key` for `uav1.key.new`.
 fn place_of(written: &Path) -> PathBuf {
@@ -737,6 +790,48 @@ mod tests {
     use super::*;
     use crate::key_exchange::{ExchangeRecord, identity};
     use crate::shell::key_file::system_random;
+
+    #[test]
+    fn a_folder_in_the_way_of_a_file_is_named_with_what_to_do() {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = folder.path().join("state");
+        let mut disk = FileDisk::open(&dir).unwrap();
+        let mut refused = |name: &str| {
+            fs::create_dir(dir.join(name)).unwrap();
+            let written = disk.replace("plan-1.json", b"1", Durability::Power);
+            fs::remove_dir(dir.join(name)).unwrap();
+            written.unwrap_err().to_string()
+        };
+        // While the store is used.
+        let text = refused("plan-1.json.new");
+        assert!(
+            text.contains("plan-1.json.new is a folder") && text.contains("remove the folder"),
+            "{text}"
+        );
+        let text = refused("plan-1.json");
+        assert!(
+            text.contains("plan-1.json is a folder, expected a file"),
+            "{text}"
+        );
+        disk.replace("plan-1.json", b"1", Durability::Power)
+            .unwrap();
+        drop(disk);
+        // At the next start.
+        for name in [
+            "plan-1.json.new",
+            "clock-0102030405060708.new-7",
+            "names.new-0",
+        ] {
+            fs::create_dir(dir.join(name)).unwrap();
+            let text = FileDisk::open(&dir).unwrap_err().to_string();
+            assert!(
+                text.contains(&format!("{name} is a folder")) && text.contains("remove the folder"),
+                "{text}"
+            );
+            fs::remove_dir(dir.join(name)).unwrap();
+        }
+        FileDisk::open(&dir).unwrap();
+    }
 
     #[test]
     fn what_another_process_holds_can_be_shown() {

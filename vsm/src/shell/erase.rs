@@ -24,7 +24,7 @@ use rustix::process::geteuid;
 use serde::{Deserialize, Serialize};
 
 use super::disk::{ERASE_ORDER, FileDisk, FileSystem, NativeFileSystem, OpenError};
-use super::disk::{folder_of, is_to_be_erased, replace};
+use super::disk::{beside, folder_of, is_to_be_erased, replace};
 use super::{key_store, ownership};
 use crate::config::airside::AirsideConfig;
 use crate::config::{Config, ExchangeMode, Signing};
@@ -410,13 +410,6 @@ fn erase(path: &Path, system: &dyn FileSystem) -> io::Result<Option<String>> {
     // A socket has no content.
     system.remove(path)?;
     Ok(None)
-}
-
-/// Where an interrupted write may have left what was to become this file.
-fn beside(path: &Path) -> PathBuf {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
-    beside.into()
 }
 
 /// The entries of a folder.

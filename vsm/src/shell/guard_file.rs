@@ -23,10 +23,13 @@ use crate::session::GuardKeyUntil;
 /// The current key, and the previous one while it is accepted.
 ///
 /// # Errors
-/// A file is missing, readable by others, or holds something else.
+/// A file is missing, readable by others, or holds something else, or could never be replaced.
 pub fn read(path: &Path, now: Now) -> Result<Vec<GuardKeyUntil>, KeyFileError> {
     let mut keys = vec![(key_file::read(path)?, None)];
     let before = previous(path);
+    for file in [path, &*before, &*pairing(path)] {
+        disk::check_name(file)?;
+    }
     if let Ok(about) = fs::metadata(&before) {
         let today = SystemTime::now();
         let age = match about.modified().map(|at| today.duration_since(at)) {

@@ -13,7 +13,7 @@ use mavlink_link::signing::{SigningKey, Stamp};
 use rustix::process::{DumpableBehavior, Resource, Rlimit, set_dumpable_behavior, setrlimit};
 use zeroize::Zeroizing;
 
-use super::disk::{self, FileSystem as _, NativeFileSystem};
+use super::disk::{self, FileSystem as _, InTheWay, NativeFileSystem};
 use super::ownership::{self, OwnershipError};
 use crate::config::open_at_once;
 
@@ -52,6 +52,9 @@ pub enum KeyFileError {
     /// The file, or its folder, belongs to somebody else.
     #[error("key file: {0}")]
     Ownership(#[from] OwnershipError),
+    /// It, or a file beside it, can never be replaced.
+    #[error("key file: {0}")]
+    InTheWay(#[from] InTheWay),
     /// It does not hold a key.
     #[error("key file {path}: {cause}: a key is 64 hex digits (32 random bytes), as `vsm keygen` writes them", path = path.display())]
     Content {

@@ -21,7 +21,7 @@ use mavlink_link::store::{Disk, Record as _, StoreError};
 use rustix::io::Errno;
 use zeroize::Zeroizing;
 
-use super::disk::{self, FileSystem, NativeFileSystem};
+use super::disk::{self, FileSystem, InTheWay, NativeFileSystem};
 use super::key_file::{self, KeyFileError};
 use super::ownership;
 use crate::config::open_at_once;
@@ -447,7 +447,7 @@ fn fault(cause: KeyStoreError) -> StoreError {
     StoreError::new("key", cause)
 }
 
-/// As [`real_path`], where the folders on the way may be trusted.
+/// As [`real_path`], where the folders on the way may be trusted, and each file of the keys can be replaced.
 fn trusted_path(path: &Path) -> Result<PathBuf, KeyStoreError> {
     // Before anything is made beside the file that a link leads to.
     let there = fs::symlink_metadata(path).is_ok();
@@ -461,7 +461,17 @@ fn trusted_path(path: &Path) -> Result<PathBuf, KeyStoreError> {
     for folder in [disk::folder_of(path), disk::folder_of(&real)] {
         ownership::check_folder(folder).map_err(KeyFileError::from)?;
     }
+    check_names(&real).map_err(KeyFileError::from)?;
     Ok(real)
+}
+
+/// Whether each file of the keys whose current one is at `path` can be replaced.
+///
+/// # Errors
+/// A folder has the name of one that is being written.
+pub(crate) fn check_names(path: &Path) -> Result<(), InTheWay> {
+    let files = files_of(path);
+    files.iter().try_for_each(|file| disk::check_name(file))
 }
 
 /// All files of the keys whose current one is really at `path`, whether they exist or not.

@@ -32,7 +32,7 @@ pub async fn beside(config: &Config, file: &Path, listen_for: Duration) -> HostF
     let mut facts = HostFacts {
         wall: wall.unwrap_or_default(),
         not_before: NOT_BEFORE,
-        store: disk::is_full(&config.store.dir).map(StoreFact::Unusable),
+        store: checks::look_at_store(&config.store.dir, config.store.shared().is_some()),
         ..HostFacts::default()
     };
     // Root may have read it for a service that may not.

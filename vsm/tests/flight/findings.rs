@@ -6,7 +6,7 @@ use kit::bridge::{Rig, Setup, Station, cucs, orders, vehicle_id};
 use stanag_msgs::enums::AlertPriority;
 use stanag_msgs::{Envelope, MAX_DATAGRAM, Message, wrapper};
 use vsm::session::LogLevel;
-use vsm::session::findings::host::KeyFault;
+use vsm::session::findings::host::{KeyFault, StoreFact};
 
 /// The priorities of the 16000s that begin like this, in their order.
 fn alerts(rig: &Rig, words: &str) -> Vec<AlertPriority> {
@@ -252,7 +252,8 @@ fn a_refused_reload_and_a_full_disk_are_alerts_until_they_are_over() {
     let note = |rig: &mut Rig, reload: Option<&str>, disk: Option<&str>| {
         let bridge = rig.bridge.as_mut().expect("it runs");
         bridge.note_reload(reload);
-        bridge.note_disk(disk);
+        let full = disk.map(|why| StoreFact::Full(why.to_owned()));
+        bridge.note_store(full.as_ref());
         rig.run(3.0);
     };
     note(&mut rig, Some("vsm.toml: line 7"), Some("its disk is full"));

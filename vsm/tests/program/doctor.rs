@@ -736,6 +736,29 @@ fn what_ends_a_start_is_found_before_it() {
             &["audit.key"],
         ),
         ended(
+            "a folder in the way of a record",
+            String::new(),
+            |place| {
+                drop(FileDisk::open(&place.path("state")).unwrap());
+                fs::create_dir(place.path("state/authority-1b000101.json.new")).unwrap();
+            },
+            "store",
+            &[
+                "authority-1b000101.json.new is a folder",
+                "remove the folder",
+            ],
+        ),
+        ended(
+            "a folder in the way of a key",
+            vehicle(""),
+            |place| {
+                write_key(&place.path("1.key"), &[1; 32]);
+                fs::create_dir(place.path("1.key.next.new")).unwrap();
+            },
+            "key-file",
+            &["1.key.next.new is a folder", "remove the folder"],
+        ),
+        ended(
             "a path that is too long for a socket",
             String::new(),
             |place| {
@@ -834,6 +857,27 @@ fn what_ends_a_start_is_found_before_it() {
         for words in words {
             let both = ended.contains(words) && found[0].1.contains(words);
             assert!(both, "{name}: {words}: {found:#?}\n{ended}");
+        }
+    }
+}
+
+#[test]
+fn a_folder_in_the_way_of_a_file_is_named_by_check_config_too() {
+    let (vehicles, _) = vehicles(&[""]);
+    for (folder, key) in [
+        ("state/authority-1b000101.json.new", "store.dir"),
+        ("1.key.next.new", "vehicle.signing.key_file"),
+    ] {
+        let place = Place::new("", &vehicles);
+        write_key(&place.path("1.key"), &[1; 32]);
+        drop(FileDisk::open(&place.path("state")).unwrap());
+        let (code, printed) = place.command(&["check-config", "vsm.toml"]);
+        assert_eq!(code, Some(0), "{printed}");
+        fs::create_dir(place.path(folder)).unwrap();
+        let (code, printed) = place.command(&["check-config", "vsm.toml"]);
+        assert_eq!(code, Some(2), "{printed}");
+        for words in [key, folder, "is a folder", "remove the folder"] {
+            assert!(printed.contains(words), "{words}: {printed}");
         }
     }
 }

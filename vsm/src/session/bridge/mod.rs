@@ -147,8 +147,8 @@ struct Checks {
     /// Evidence of unusable data on the DLI side.
     evidence: DliEvidence,
     key_files: KeyFiles,
-    /// What is wrong with the disk of the store.
-    disk: Option<Finding>,
+    /// What is wrong with the store's folder, or its disk.
+    store: Option<Finding>,
     /// The last reload was refused.
     reload: Option<Finding>,
     /// When the bridge last ran.

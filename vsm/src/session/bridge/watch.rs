@@ -60,9 +60,9 @@ impl Bridge {
         self.checks.key_files.note(faults);
     }
 
-    /// The shell has looked at the room on the disk of the store, and what it has found wrong.
-    pub fn note_disk(&mut self, fault: Option<&str>) {
-        self.checks.disk = fault.map(|why| StoreFact::Unusable(why.to_owned()).finding());
+    /// The shell has looked at the folder of the store and the room on its disk, and what it has found wrong.
+    pub fn note_store(&mut self, fault: Option<&StoreFact>) {
+        self.checks.store = fault.map(StoreFact::finding);
     }
 
     /// The configuration was to be applied: why it was not, or `None` where it is in force.
@@ -90,7 +90,7 @@ impl Bridge {
             .evidence
             .judge(mono, self.setup.group, &mut found);
         found.extend_from_slice(self.checks.key_files.standing());
-        found.extend(self.checks.disk.clone());
+        found.extend(self.checks.store.clone());
         found.extend(self.checks.reload.clone());
         found.extend(self.access_findings());
         let listed = self.stations.iter().enumerate();

@@ -41,6 +41,8 @@ pub enum StoreFact {
     Zeroized(String),
     /// It cannot be used, for this reason.
     Unusable(String),
+    /// Its disk has no room.
+    Full(String),
 }
 
 impl StoreFact {
@@ -71,6 +73,13 @@ impl StoreFact {
                 "store",
                 why,
                 "mend that; the folder must belong to the user that runs vsm, with mode 0700, on a disk that can be written and has room",
+            ),
+            StoreFact::Full(why) => Finding::new(
+                Code::Store,
+                "store",
+                why,
+                "free space on it: vsm does not start without room, and refuses meanwhile what it has to keep (plans, loads, control); vehicles \
+                 are flown on by whoever has control",
             ),
         }
     }

@@ -553,7 +553,10 @@ fn sweep(disk: &FileDisk) -> io::Result<()> {
     for entry in std::fs::read_dir(disk.folder())? {
         let entry = entry?;
         if entry.file_name().to_string_lossy().contains(BESIDE) {
-            disk.system().remove(&entry.path())?;
+            let path = entry.path();
+            disk.system().remove(&path).map_err(|cause| {
+                io::Error::new(cause.kind(), format!("{}: {cause}", path.display()))
+            })?;
         }
     }
     Ok(())

@@ -1,8 +1,8 @@
 //! What a start would find wrong, found without one: for `vsm doctor`, for `vsm check-config`, and for a running bridge, which
 //! has its keys in memory and would miss their files at its next start.
 //!
-//! [`look`] reads the files that a configuration names; it locks, makes and changes nothing. What else ends a start is found by
-//! `trial`.
+//! [`look`] reads the files that a configuration names, [`look_at_store`] the names in the store; both lock, make and change nothing.
+//! What else ends a start is found by `trial`.
 
 use std::fs;
 use std::io;
@@ -17,8 +17,9 @@ use super::guards;
 use super::vehicle::look_at_keys;
 use crate::config::{Config, ExchangeMode, Signing};
 use crate::session::examine_access;
-use crate::session::findings::host::KeyFault;
+use crate::session::findings::host::{KeyFault, StoreFact};
 use crate::shell::clock::{Clock, NOT_BEFORE};
+use crate::shell::disk;
 use crate::shell::trial_disk::{TrialDisk, TrialFiles};
 use crate::shell::web::Tiles;
 use crate::shell::{guard_file, key_file};
@@ -235,6 +236,24 @@ impl NamedFile {
             self.path.display()
         ))
     }
+}
+
+/// What is wrong with the folder of a store, while a bridge uses it too: its disk has no room, or a folder is in the way of its files.
+/// `shared`: it is this node's copy of what is in etcd.
+#[must_use]
+pub fn look_at_store(folder: &Path, shared: bool) -> Option<StoreFact> {
+    let shown = folder.display();
+    if let Some(free) = disk::is_full(folder) {
+        let copy = if shared {
+            " (this node's copy of what etcd has)"
+        } else {
+            ""
+        };
+        let why = format!("[store] dir {shown}{copy}: its disk is full, {free} bytes are free");
+        return Some(StoreFact::Full(why));
+    }
+    let fault = disk::check_names(folder).err()?;
+    Some(StoreFact::Unusable(format!("[store] dir: {fault}")))
 }
 
 /// Whether a start would have an access list: `Some` where it would have that of the store, and why not that of the file.

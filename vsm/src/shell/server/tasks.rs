@@ -20,9 +20,8 @@ use tokio::sync::{Notify, oneshot};
 use super::checks::{self, Keys};
 use super::inbox::Inbox;
 use super::shared::{Core, Shared, write_log};
-use crate::session::findings::host::KeyFault;
+use crate::session::findings::host::{KeyFault, StoreFact};
 use crate::session::{Datagram, Destination, OutFrame, Peer, WebWay};
-use crate::shell::disk;
 use crate::shell::interfaces::listen_elsewhere;
 use crate::shell::recording::Recording;
 use crate::shell::sockets::{VehicleReader, VehicleWriter};
@@ -564,16 +563,16 @@ pub(super) async fn watch_group(shared: Rc<Shared>, beat: Rc<Beat>, group: Group
 pub(super) async fn watch_files(shared: Rc<Shared>, beat: Rc<Beat>) {
     loop {
         beat.during(tokio::time::sleep(FILES_EVERY)).await;
-        let (files, store) = {
+        let (files, store, is_shared) = {
             let core = shared.core.borrow();
-            let files = checks::named_files(&core.config, None);
-            (files, core.config.store.dir.clone())
+            let (files, store) = (checks::named_files(&core.config, None), &core.config.store);
+            (files, store.dir.clone(), store.shared().is_some())
         };
         let now = shared.clock.now();
         let (sender, receiver) = oneshot::channel();
         let look = move || {
             let keys = checks::look_at_key_files(&files, now);
-            drop(sender.send((keys, disk::is_full(&store))));
+            drop(sender.send((keys, checks::look_at_store(&store, is_shared))));
         };
         // A file server may not answer. Not the runtime's own thread for such work: the end of the program would wait for it.
         let look = thread::Builder::new().name("files".to_owned()).spawn(look);
@@ -581,13 +580,13 @@ pub(super) async fn watch_files(shared: Rc<Shared>, beat: Rc<Beat>) {
             tracing::debug!("no thread to look at the files: {cause}");
             continue;
         }
-        if let Ok((keys, full)) = beat.during(receiver).await {
-            shared.with(|core, _| note_files(core, keys, full));
+        if let Ok((keys, store)) = beat.during(receiver).await {
+            shared.with(|core, _| note_files(core, keys, store.as_ref()));
         }
     }
 }
 
-fn note_files(core: &mut Core, keys: Keys, full: Option<String>) {
+fn note_files(core: &mut Core, keys: Keys, store: Option<&StoreFact>) {
     let Keys { mut faults, guards } = keys;
     let bridge = &mut core.bridge;
     let others = guards
@@ -602,7 +601,7 @@ fn note_files(core: &mut Core, keys: Keys, full: Option<String>) {
         reload: true,
     }));
     bridge.note_key_files(faults);
-    bridge.note_disk(full.as_deref());
+    bridge.note_store(store);
 }
 
 pub(super) async fn send_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
