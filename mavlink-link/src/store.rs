@@ -40,6 +40,27 @@ pub trait Disk {
     /// It exists and cannot be read.
     fn read(&self, name: &str, max_bytes: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError>;
 
+    /// A file whole; `None` where there is none.
+    ///
+    /// # Errors
+    /// As [`read`](Disk::read), or it is longer than that: something else has written to it, and its content would fill the
+    /// memory, or count in part.
+    fn read_whole(
+        &self,
+        name: &str,
+        max_bytes: u64,
+    ) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
+        match self.read(name, max_bytes.saturating_add(1))? {
+            Some(bytes) if bytes.len() as u64 > max_bytes => Err(StoreError::new(
+                name,
+                format!(
+                    "it has more than {max_bytes} bytes, and was written to by something else: put back a copy of it, or move it away"
+                ),
+            )),
+            read => Ok(read),
+        }
+    }
+
     /// Replaces a file whole.
     ///
     /// # Errors
@@ -276,7 +297,7 @@ pub trait Store: Disk {
     /// the restart would be lost.
     fn load<R: Record>(&self, key: &R::Key) -> Result<Option<R>, StoreError> {
         let name = R::name(key);
-        match self.read(&name, MAX_RECORD_BYTES)? {
+        match self.read_whole(&name, MAX_RECORD_BYTES)? {
             None => Ok(None),
             Some(bytes) => match R::decode(&bytes) {
                 Ok(record) => Ok(Some(record)),
@@ -593,6 +614,19 @@ mod tests {
         assert!(read(0).is_none() && read(3).is_none());
         assert_eq!(read(1).unwrap().as_slice(), [3]);
         assert_eq!(read(2).unwrap().as_slice(), [2]);
+    }
+
+    #[test]
+    fn a_file_that_is_too_long_is_not_read_in_part() {
+        let mut disk = MemoryDisk::default();
+        disk.append("log", b"12345", Durability::Power).unwrap();
+        assert_eq!(**disk.read_whole("log", 5).unwrap().unwrap(), *b"12345");
+        let refused = disk.read_whole("log", 4).unwrap_err().to_string();
+        assert!(
+            refused.contains("record log: it has more than 4 bytes"),
+            "{refused}"
+        );
+        assert_eq!(disk.read_whole("none", 4).unwrap(), None);
     }
 
     #[test]

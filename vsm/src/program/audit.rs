@@ -4,14 +4,13 @@ use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
 use clap::{Subcommand, ValueEnum};
-use mavlink_link::store::Disk as _;
 use serde_json::{Map, Value};
 use stanag_msgs::Id;
 
 use super::config_arg::ConfigArg;
-use super::process::{Failure, bad, failed, load, print};
+use super::process::{Failure, bad, failed, load, print, report_line};
 use crate::config::Config;
-use crate::session::{AuditKind, examine_audit};
+use crate::session::{AuditKind, examine_audit, read_log};
 use crate::shell::disk::ReadOnlyDisk;
 
 #[derive(Debug, Subcommand)]
@@ -121,8 +120,12 @@ fn export(path: &Path, only: Option<Id>, format: Format) -> Result<(), Failure> 
     for vehicle in vehicles {
         for kind in AuditKind::ALL {
             for (_, file) in kind.files(vehicle) {
-                let bytes = disk.read(&file, u64::MAX).map_err(failed)?;
-                let bytes = bytes.unwrap_or_default();
+                let (bytes, cut) = read_log(&file, &disk).map_err(failed)?;
+                if cut {
+                    report_line(&format!(
+                        "{file} is longer than a log becomes: only its beginning is printed"
+                    ));
+                }
                 let lines = String::from_utf8_lossy(&bytes);
                 let rows = lines.lines().filter_map(|line| row(kind, line));
                 let text: String = rows.map(|row| shown(&row, format) + "\n").collect();

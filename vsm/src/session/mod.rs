@@ -127,7 +127,7 @@ pub use authority::rules::{
     Ended, GUARDED_RANK, Handover, Outcome, Reason, Record, Refusal, Rights, Silence, Stage,
     Stations,
 };
-pub(crate) use authority::trail::Kind as AuditKind;
+pub(crate) use authority::trail::{Kind as AuditKind, MAX_LOG_BYTES, read_log};
 pub use bridge::map::{AreaMap, FenceMap, PlaceMap, RouteMap, VehicleMap, WaypointMap};
 pub use bridge::status::{LATELY, LinkStatus, Logged, StationStatus, Status, VehicleStatus};
 pub use bridge::{

@@ -8,7 +8,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use mavlink_link::store::{Disk, Durability, StoreError};
+use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, StoreError};
 use zeroize::Zeroizing;
 
 use super::disk::{FileSystem, NativeFileSystem};
@@ -17,8 +17,18 @@ use super::disk::{FileSystem, NativeFileSystem};
 #[derive(Debug, Clone, Default)]
 pub(super) struct TrialFiles(Arc<Mutex<Written>>);
 
-/// Contents by their paths; `None` for what was deleted.
-type Written = BTreeMap<PathBuf, Option<Zeroizing<Vec<u8>>>>;
+/// What has changed, by its path.
+type Written = BTreeMap<PathBuf, Change>;
+
+#[derive(Debug, Clone)]
+enum Change {
+    /// It has this content.
+    Content(Zeroizing<Vec<u8>>),
+    /// It has the content of that file of the disk, which was renamed.
+    Renamed(PathBuf),
+    /// It is deleted.
+    Gone,
+}
 
 impl TrialFiles {
     fn written(&self) -> MutexGuard<'_, Written> {
@@ -28,8 +38,8 @@ impl TrialFiles {
 
 impl FileSystem for TrialFiles {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
-        let bytes = Zeroizing::new(bytes.to_vec());
-        self.written().insert(path.to_owned(), Some(bytes));
+        let content = Change::Content(Zeroizing::new(bytes.to_vec()));
+        self.written().insert(path.to_owned(), content);
         Ok(())
     }
 
@@ -42,11 +52,12 @@ impl FileSystem for TrialFiles {
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
-        let content = self.read(from, u64::MAX)?;
-        let content = content.ok_or(io::ErrorKind::NotFound)?;
+        // It is not read: a log may have any length.
+        self.read(from, 0)?.ok_or(io::ErrorKind::NotFound)?;
         let mut written = self.written();
-        written.insert(from.to_owned(), None);
-        written.insert(to.to_owned(), Some(content));
+        let before = written.insert(from.to_owned(), Change::Gone);
+        let moved = before.unwrap_or_else(|| Change::Renamed(from.to_owned()));
+        written.insert(to.to_owned(), moved);
         Ok(())
     }
 
@@ -59,17 +70,21 @@ impl FileSystem for TrialFiles {
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
-        self.written().insert(path.to_owned(), None);
+        self.written().insert(path.to_owned(), Change::Gone);
         Ok(())
     }
 
     fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
-        if let Some(content) = self.written().get(path) {
-            let most = usize::try_from(most).unwrap_or(usize::MAX);
-            let first = |bytes: &Zeroizing<Vec<u8>>| bytes.get(..most).unwrap_or(bytes).to_vec();
-            return Ok(content.as_ref().map(first).map(Zeroizing::new));
+        match self.written().get(path) {
+            Some(Change::Content(bytes)) => {
+                let most = usize::try_from(most).unwrap_or(usize::MAX);
+                let first = bytes.get(..most).unwrap_or(bytes).to_vec();
+                Ok(Some(Zeroizing::new(first)))
+            }
+            Some(Change::Renamed(of)) => NativeFileSystem.read(of, most),
+            Some(Change::Gone) => Ok(None),
+            None => NativeFileSystem.read(path, most),
         }
-        NativeFileSystem.read(path, most)
     }
 }
 
@@ -106,7 +121,8 @@ impl Disk for TrialDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        let mut all = self.read(name, u64::MAX)?.unwrap_or_default();
+        let before = self.read_whole(name, MAX_RECORD_BYTES)?;
+        let mut all = before.unwrap_or_default();
         all.extend_from_slice(bytes);
         self.replace(name, &all, durability)
     }

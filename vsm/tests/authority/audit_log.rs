@@ -3,7 +3,7 @@
 
 use crate::scene::{A, B, CONTROL, Scene};
 use stanag_msgs::enums::{AckType, RequestedAccess};
-use vsm::session::Chain;
+use vsm::session::{AuditKey, Chain};
 
 const LOG: &str = "audit-1b000101.log";
 const MONITORS: &str = "audit-monitors-1b000101.log";
@@ -181,6 +181,28 @@ fn a_log_of_an_earlier_version_is_continued_by_a_key_and_stays_whole() {
             && !log.lines().next().unwrap().contains("keyed")
     );
     assert_eq!(findings(scene), "");
+}
+
+#[test]
+fn a_log_that_something_else_has_made_longer_is_put_aside_and_continued_from_its_recorded_end() {
+    let mut scene = keyed();
+    let key = AuditKey::new([0x5a; 32]);
+    let end = Chain::verify(&scene.rig.store.records[LOG], Some(&key), 0).chain;
+    let junk = format!("{}}}\n", "x".repeat(1_022)).repeat(3 << 10);
+    let log = scene.rig.store.records.get_mut(LOG).unwrap();
+    log.extend_from_slice(junk.as_bytes());
+    for _ in 0..2 {
+        let before = scene.rig.log.len();
+        scene.rig.restart_bridge();
+        scene.rig.run(0.1);
+        let mut entries = scene.rig.log[before..].iter();
+        let words = "has more than 2097152 bytes";
+        assert!(entries.any(|entry| entry.text.contains(words)));
+        assert!(scene.rig.store.records[&format!("{LOG}.1")].len() > 3 << 20);
+        let log = Chain::verify(&scene.rig.store.records[LOG], Some(&key), 0);
+        assert_eq!((log.follows, log.broken), (end.clone(), None));
+        hand_over(&mut scene, 1);
+    }
 }
 
 /// What is done to the files of the store.

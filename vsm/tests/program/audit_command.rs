@@ -4,7 +4,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::process::{Command, Output};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use kit::process::program;
 use mavlink_link::Now;
@@ -138,4 +138,26 @@ fn the_audit_logs_are_verified_and_printed() {
     let (status, text) = audit(folder, &["verify"]);
     assert!(status == 1 && text.contains("is deleted"), "{text}");
     assert_eq!(audit(folder, &["verify", "--head", "12"]).0, 2);
+}
+
+#[test]
+fn a_log_of_gigabytes_is_not_read_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, log) = (folder.path(), "state/audit-1b000101.log");
+    fs::write(folder.join("vsm.toml"), CONFIG).unwrap();
+    start(folder);
+    let long = fs::File::options().write(true).open(folder.join(log));
+    // A hole, which takes no room on the disk.
+    long.unwrap().set_len(3 << 30).unwrap();
+    let began = Instant::now();
+    start(folder);
+    let (status, text) = audit(folder, &["verify"]);
+    assert_eq!(status, 1, "{text}");
+    let words = "audit-1b000101.log.1 has more than 2097152 bytes";
+    assert!(text.contains(words), "{text}");
+    assert!(!text.contains("is broken"), "{text}");
+    let (status, json) = audit(folder, &["export"]);
+    assert!(status == 0 && json.lines().count() > 2, "{json}");
+    // Whole it would be some gigabytes of memory, and minutes of a debug build.
+    assert!(began.elapsed() < Duration::from_secs(30));
 }

@@ -256,6 +256,15 @@ impl Chain {
         self.keyed.as_deref()
     }
 
+    /// The end that a record has of a log: the number of its last line, and its digits.
+    pub(super) fn at(lines: u64, digits: &str, key: &AuditKey) -> Chain {
+        Chain {
+            lines,
+            last: digits.to_owned(),
+            keyed: Some(key.id()),
+        }
+    }
+
     /// Adds a line to the chain, and returns the new end and the line with its line feed. With `key` the line uses it; the
     /// first such line after an unkeyed chain must be [`Entry::Keyed`].
     #[must_use]

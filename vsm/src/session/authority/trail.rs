@@ -7,6 +7,10 @@
 //!
 //! A start and `vsm audit verify` both use [`examine`]. The head reveals an older copy of the logs. An older copy of the
 //! whole folder is revealed only by a later head that was kept elsewhere.
+//!
+//! A file is put aside before the first line beyond [`MAX_BYTES`], so that only something else can make one longer than
+//! [`MAX_LOG_BYTES`]. Of such a file no more is read, whatever its length: a start takes neither its time nor its memory. The
+//! log continues from the head, in a new file.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
@@ -15,6 +19,7 @@ use std::time::Duration;
 use mavlink_link::store::{Disk, Durability, StoreError, log_name};
 use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
+use zeroize::Zeroizing;
 
 use super::audit::{AuditKey, Broken, Chain, Entry};
 use super::rules::Change;
@@ -121,6 +126,8 @@ pub(crate) enum Fault {
     NotKeyed,
     /// The log uses a key, but no head of it is recorded.
     NoHead,
+    /// It is longer than it becomes.
+    TooLong,
 }
 
 impl fmt::Display for Finding {
@@ -160,6 +167,10 @@ impl fmt::Display for Finding {
             Fault::NoHead => write!(
                 f,
                 "{file}: no end of it is recorded: the authority record was replaced or deleted"
+            ),
+            Fault::TooLong => write!(
+                f,
+                "{file} has more than {MAX_LOG_BYTES} bytes: something else has written to it, and only its beginning is verified"
             ),
         }
     }
@@ -206,10 +217,16 @@ pub(crate) fn examine(
         torn: Vec::new(),
     };
     let (mut before, mut recorded) = (None::<Chain>, None);
+    // The file before is longer than it becomes: where it ends is not known.
+    let mut cut_before = false;
     for (number, file) in kind.files(vehicle) {
-        let bytes = disk.read(&file, u64::MAX)?.unwrap_or_default();
-        if bytes.is_empty() {
+        let (bytes, cut) = read_log(&file, disk)?;
+        if bytes.is_empty() && !cut {
             continue;
+        }
+        if cut_before {
+            // What was added to it counts as lines, too.
+            recorded = None;
         }
         let verified = Chain::verify(&bytes, key, wanted);
         let mut find = |fault| {
@@ -218,7 +235,7 @@ pub(crate) fn examine(
         };
         // Only the oldest file may follow a file that no longer exists.
         let follows = match &before {
-            Some(before) => *before == verified.follows,
+            Some(before) => cut_before || *before == verified.follows,
             None => number >= MAX_FILES || verified.follows.lines() == 0,
         };
         if !follows {
@@ -229,11 +246,15 @@ pub(crate) fn examine(
         if let Some(id) = verified.other_key {
             find(Fault::OtherKey(id));
         }
+        if cut {
+            find(Fault::TooLong);
+        }
         if verified.torn {
             found.torn.push(file.clone());
         }
         if number == 0 {
-            found.bytes = bytes.len();
+            // One that was cut is put aside before the next line.
+            found.bytes = if cut { MAX_BYTES } else { bytes.len() };
         }
         let lines = bytes.split(|byte| *byte == b'\n');
         for (line, number) in lines.zip(verified.follows.lines() + 1..) {
@@ -248,9 +269,19 @@ pub(crate) fn examine(
         recorded = recorded.or(verified.digits);
         found.chain = verified.chain.clone();
         before = Some(verified.chain);
+        cut_before = cut;
+    }
+    let forged = |head: &Head| key.is_some_and(|key| head.mac != head.by(key, vehicle, kind));
+    if cut_before && let (Some(key), Some(head)) = (key, head.filter(|head| !forged(head))) {
+        // Where the file ends says nothing: the log continues from its recorded end, which may be beyond what was read.
+        if recorded.is_some_and(|digits| digits != head.digits) {
+            let fault = Fault::Replaced(head.lines);
+            found.findings.push(Finding { file: name, fault });
+        }
+        found.chain = Chain::at(head.lines, &head.digits, key);
+        return Ok(found);
     }
     let lines = found.chain.lines();
-    let forged = |head: &Head| key.is_some_and(|key| head.mac != head.by(key, vehicle, kind));
     let fault = match head {
         Some(head) if forged(head) => Some(Fault::ForgedHead),
         Some(head) if head.lines > 0 && before.is_none() => Some(Fault::Gone(head.lines)),
@@ -268,6 +299,23 @@ pub(crate) fn examine(
         found.findings.push(Finding { file: name, fault });
     }
     Ok(found)
+}
+
+/// What a file of a log can have, up to the end of a line, and whether there is more in the file.
+///
+/// # Errors
+/// It exists but cannot be read.
+pub(crate) fn read_log(
+    file: &str,
+    disk: &dyn Disk,
+) -> Result<(Zeroizing<Vec<u8>>, bool), StoreError> {
+    let mut bytes = disk.read(file, MAX_LOG_BYTES + 1)?.unwrap_or_default();
+    let cut = bytes.len() as u64 > MAX_LOG_BYTES;
+    if cut {
+        let end = bytes.iter().rposition(|byte| *byte == b'\n');
+        bytes.truncate(end.map_or(0, |end| end + 1));
+    }
+    Ok((bytes, cut))
 }
 
 /// One of the logs, as it is written.
@@ -522,6 +570,8 @@ fn station(change: &Change) -> Option<Id> {
 const COALESCED: Duration = Duration::from_secs(10);
 /// A log of this length is rotated.
 const MAX_BYTES: usize = 1 << 20;
+/// No log gets here: the lines that follow [`MAX_BYTES`] at once, of all stations, have some kB.
+pub(crate) const MAX_LOG_BYTES: u64 = 2 << 20;
 /// Number of rotated files that are kept, with some four thousand lines each.
 const MAX_FILES: u32 = 8;
 /// Lines of what holds that wait for a disk: rights that can only end meanwhile, and terminations.

@@ -37,7 +37,7 @@ mod tests;
 use std::collections::HashMap;
 use std::time::Duration;
 
-use mavlink_link::store::{Disk, Durability, StoreError};
+use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, StoreError};
 use stanag_msgs::enums::AckType;
 use stanag_msgs::{Id, TimeStamp};
 
@@ -220,14 +220,14 @@ impl Remembered {
     /// Reads the log after a restart; returns the commands without a final answer.
     ///
     /// # Errors
-    /// The log exists and cannot be read.
+    /// The log exists and cannot be read, or is longer than it becomes.
     pub(crate) fn restore(
         &mut self,
         station: Id,
         now: Duration,
         disk: &dyn Disk,
     ) -> Result<Vec<Seen>, StoreError> {
-        let Some(bytes) = disk.read(&log_file(station), u64::MAX)? else {
+        let Some(bytes) = disk.read_whole(&log_file(station), MAX_RECORD_BYTES)? else {
             return Ok(Vec::new());
         };
         self.read_log(&bytes);

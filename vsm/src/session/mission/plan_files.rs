@@ -65,7 +65,7 @@ impl PlanFiles {
         vehicle: Id,
         disk: &dyn Disk,
     ) -> Result<(ReceivedPlan, PlanFiles), StoreError> {
-        let record = disk.read(&record_name(PLAN, vehicle), MAX_RECORD_BYTES)?;
+        let record = disk.read_whole(&record_name(PLAN, vehicle), MAX_RECORD_BYTES)?;
         let record = record.as_deref().map_or(&[] as &[u8], Vec::as_slice);
         let (mut plan, recorded) = match record {
             [] => (ReceivedPlan::default(), 0),
@@ -78,7 +78,7 @@ impl PlanFiles {
             ..PlanFiles::default()
         };
         let name = log_name(vehicle);
-        let Some(log) = disk.read(&name, MAX_RECORD_BYTES)? else {
+        let Some(log) = disk.read_whole(&name, MAX_RECORD_BYTES)? else {
             return Ok((plan, files));
         };
         let whole = log.iter().rposition(|byte| *byte == b'\n');

@@ -295,7 +295,9 @@ fn restore(
             }
             let path = folder.join(name);
             let bytes = remote.read(name, *head)?;
-            if NativeFileSystem.read(&path, u64::MAX)?.as_ref() != Some(&bytes) {
+            // By one byte more, which shows a file that is longer.
+            let there = NativeFileSystem.read(&path, bytes.len() as u64 + 1)?;
+            if there.as_ref() != Some(&bytes) {
                 // Without synchronisation: after a power cut the next start restores again.
                 disk::replace(&NativeFileSystem, &path, &bytes, false)?;
             }

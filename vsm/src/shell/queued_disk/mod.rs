@@ -34,13 +34,16 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 use mavlink_link::clock::CEILING;
-use mavlink_link::store::{Changes, Disk, Durability, Progress, StoreError, remedy};
+use mavlink_link::store::{
+    Changes, Disk, Durability, MAX_RECORD_BYTES, Progress, StoreError, remedy,
+};
 use tokio::sync::Notify;
 use zeroize::Zeroizing;
 
 pub(super) use self::writer::dirty_names;
 use self::writer::{BESIDE, Batch, Done, Grown, Waiting, write};
 use super::disk::{Added, FileDisk, is_no_room, keeps_its_room, replace};
+use crate::session::MAX_LOG_BYTES;
 
 mod writer;
 
@@ -407,7 +410,8 @@ impl Disk for QueuedDisk {
         // file.
         if self.waiting.contains_key(name) || (power && !self.begun.contains(name)) {
             let is_there = self.waiting.contains_key(name) || self.disk.has(name);
-            let before = is_there.then(|| self.read(name, u64::MAX)).transpose()?;
+            let read = || self.read_whole(name, MAX_RECORD_BYTES);
+            let before = is_there.then(read).transpose()?;
             let mut all = before.flatten().unwrap_or_default();
             // Allocated in full: a growing buffer copies its content.
             all.reserve_exact(bytes.len());
@@ -563,7 +567,8 @@ fn sweep(disk: &FileDisk) -> io::Result<()> {
 }
 
 /// Rewrites the audit logs of the process before: up to 1 MB each, which must not be done while a vehicle waits. A log that
-/// cannot be written is tried again with its first line. Returns their names.
+/// cannot be written is tried again with its first line. One that something else has made longer is left as it is: it is put
+/// aside before the next line. Returns the names of those that were rewritten.
 fn renew(disk: &FileDisk) -> io::Result<BTreeSet<String>> {
     let mut renewed = BTreeSet::new();
     for name in disk.names().map_err(io::Error::other)? {
@@ -571,8 +576,9 @@ fn renew(disk: &FileDisk) -> io::Result<BTreeSet<String>> {
             continue;
         }
         let (system, path) = (disk.system(), disk.folder().join(&name));
-        let read = system.read(&path, u64::MAX)?;
+        let read = system.read(&path, MAX_LOG_BYTES + 1)?;
         if let Some(bytes) = read
+            && bytes.len() as u64 <= MAX_LOG_BYTES
             && replace(&*system, &path, &bytes, true).is_ok()
         {
             renewed.insert(name);

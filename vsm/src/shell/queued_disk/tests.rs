@@ -447,3 +447,20 @@ fn a_full_disk_refuses_every_change_but_those_that_no_link_works_without() {
     let left: Vec<OsString> = left.into_keys().collect();
     assert_eq!(left, [CLOCK, LINK, "lock"]);
 }
+
+#[test]
+fn a_start_leaves_a_log_that_something_else_has_made_longer_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = folder.path().join("state");
+    drop(disk(&store));
+    let inode = |name: &str| std::fs::metadata(store.join(name)).unwrap().ino();
+    let (long, short) = ("audit-1b000101.log", "audit-1b000102.log");
+    for (name, length) in [(long, MAX_LOG_BYTES + 1), (short, MAX_LOG_BYTES)] {
+        let log = File::create(store.join(name)).unwrap();
+        log.set_len(length).unwrap();
+    }
+    let before = [long, short].map(inode);
+    drop(disk(&store));
+    assert_eq!(inode(long), before[0]);
+    assert_ne!(inode(short), before[1]);
+}

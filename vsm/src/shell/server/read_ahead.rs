@@ -7,7 +7,7 @@
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
-use mavlink_link::store::{Changes, Disk, Durability, Progress, StoreError};
+use mavlink_link::store::{Changes, Disk, Durability, MAX_RECORD_BYTES, Progress, StoreError};
 use zeroize::Zeroizing;
 
 use crate::key_exchange::IDENTITY;
@@ -36,7 +36,8 @@ impl ReadAhead {
         };
         for name in store.names()? {
             if ahead.covers(&name)
-                && let Some(bytes) = store.read(&name, u64::MAX)?
+                // By one byte more, so that whoever reads it sees that it is too long.
+                && let Some(bytes) = store.read(&name, MAX_RECORD_BYTES + 1)?
             {
                 ahead.files.insert(name, bytes);
             }
