@@ -560,6 +560,27 @@ fn a_running_bridge_names_a_key_file_that_is_gone_until_it_is_back() {
     assert!(!status.contains(&finding), "{status}");
 }
 
+/// What a person asks right after it: two looks, ten seconds apart, found it.
+#[test]
+fn a_guard_key_that_was_revoked_is_named_within_seconds() {
+    let guarded = "[[cucs]]\nid = \"1b:00:00:a0\"\nloi = [2]\nguard = { key_file = \"a0.key\" }\n";
+    let mut place = Place::new("", guarded);
+    write_key(&place.path("a0.key"), &[7; 32]);
+    place.start();
+    let (code, printed) = place.command(&["guard", "revoke", "a0.key"]);
+    assert_eq!(code, Some(0), "{printed}");
+    let revoked = Instant::now();
+    let words = "which is not in force here: it was rotated or revoked since";
+    loop {
+        let (_, status) = place.command(&["status"]);
+        if status.contains(words) {
+            break;
+        }
+        assert!(revoked.elapsed() < Duration::from_secs(9), "{status}");
+        thread::sleep(Duration::from_millis(100));
+    }
+}
+
 /// The log has named a silence, or bytes that are no frame: doctor must not find nothing then, whenever it is asked.
 #[test]
 fn doctor_agrees_with_the_log() {

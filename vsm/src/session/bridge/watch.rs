@@ -55,9 +55,10 @@ impl Bridge {
     }
 
     /// The shell has looked at the key files, beside which the bridge has its keys in memory: those that the next start could
-    /// not use, and those that hold another key than the one in force.
-    pub fn note_key_files(&mut self, faults: Vec<KeyFault>) {
-        self.checks.key_files.note(faults);
+    /// not use, and those that hold another key than the one in force. Returns whether one of them is new: it counts once the next
+    /// look finds it too.
+    pub fn note_key_files(&mut self, faults: Vec<KeyFault>) -> bool {
+        self.checks.key_files.note(faults)
     }
 
     /// The shell has looked at the folder of the store and the room on its disk, and what it has found wrong.

@@ -264,12 +264,14 @@ pub(crate) struct KeyFiles {
 }
 
 impl KeyFiles {
-    /// The shell has looked: the files that cannot be used.
-    pub(crate) fn note(&mut self, faults: Vec<KeyFault>) {
+    /// The shell has looked: the files that cannot be used. Returns whether the look before has missed one of them.
+    pub(crate) fn note(&mut self, faults: Vec<KeyFault>) -> bool {
         // A file that is missing at one look may be one that is just being replaced.
         let twice = faults.iter().filter(|one| self.latest.contains(one));
         self.standing = twice.take(MAX_NAMED).map(key_file).collect();
+        let is_new = faults.iter().any(|one| !self.latest.contains(one));
         self.latest = faults;
+        is_new
     }
 
     /// A reload has read the files again: none waits for one any more.

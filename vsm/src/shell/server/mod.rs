@@ -5,6 +5,7 @@
 pub mod checks;
 mod encryption;
 mod error;
+mod file_changes;
 mod files;
 mod forward;
 mod gathering;

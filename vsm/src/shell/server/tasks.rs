@@ -18,6 +18,7 @@ use tokio::net::{UdpSocket, UnixListener};
 use tokio::sync::{Notify, oneshot};
 
 use super::checks::{self, Keys};
+use super::file_changes::FileChanges;
 use super::inbox::Inbox;
 use super::shared::{Core, Shared, write_log};
 use crate::session::findings::host::{KeyFault, StoreFact};
@@ -558,15 +559,31 @@ pub(super) async fn watch_group(shared: Rc<Shared>, beat: Rc<Beat>, group: Group
     }
 }
 
-/// Looks now and then whether the next start could read the key files: the bridge has the keys in memory, and works without;
-/// whether they hold the keys that are in force; and at the room on the disk.
+/// Looks whether the next start could read the key files: the bridge has the keys in memory, and works without; whether they
+/// hold the keys that are in force; and at the room on the disk. It looks now and then, and soon after a key file has changed.
 pub(super) async fn watch_files(shared: Rc<Shared>, beat: Rc<Beat>) {
+    let changes = FileChanges::new();
+    let named = || checks::named_files(&shared.core.borrow().config, None);
+    let mut pause = FILES_EVERY;
     loop {
-        beat.during(tokio::time::sleep(FILES_EVERY)).await;
-        let (files, store, is_shared) = {
-            let core = shared.core.borrow();
-            let (files, store) = (checks::named_files(&core.config, None), &core.config.store);
-            (files, store.dir.clone(), store.shared().is_some())
+        let watched = named();
+        let keys = watched.iter().filter(|file| file.is_key());
+        changes.watch(keys.map(|file| file.path.as_path()));
+        let has_changed = async {
+            tokio::select! {
+                () = tokio::time::sleep(pause) => false,
+                () = changes.changed() => true,
+            }
+        };
+        if beat.during(has_changed).await {
+            // A key and the one before it are replaced one after the other.
+            beat.during(tokio::time::sleep(FILES_SETTLED)).await;
+        }
+        pause = FILES_EVERY;
+        let files = named();
+        let (store, is_shared) = {
+            let store = &shared.core.borrow().config.store;
+            (store.dir.clone(), store.shared().is_some())
         };
         let now = shared.clock.now();
         let (sender, receiver) = oneshot::channel();
@@ -580,13 +597,16 @@ pub(super) async fn watch_files(shared: Rc<Shared>, beat: Rc<Beat>) {
             tracing::debug!("no thread to look at the files: {cause}");
             continue;
         }
-        if let Ok((keys, store)) = beat.during(receiver).await {
-            shared.with(|core, _| note_files(core, keys, store.as_ref()));
+        if let Ok((keys, store)) = beat.during(receiver).await
+            && shared.with(|core, _| note_files(core, keys, store.as_ref()))
+        {
+            pause = FILES_AGAIN;
         }
     }
 }
 
-fn note_files(core: &mut Core, keys: Keys, store: Option<&StoreFact>) {
+/// Returns whether something is wrong that the look before has not found: it counts once the next one finds it too.
+fn note_files(core: &mut Core, keys: Keys, store: Option<&StoreFact>) -> bool {
     let Keys { mut faults, guards } = keys;
     let bridge = &mut core.bridge;
     let others = guards
@@ -600,8 +620,8 @@ fn note_files(core: &mut Core, keys: Keys, store: Option<&StoreFact>) {
         ),
         reload: true,
     }));
-    bridge.note_key_files(faults);
     bridge.note_store(store);
+    bridge.note_key_files(faults)
 }
 
 pub(super) async fn send_status(shared: Rc<Shared>, beat: Rc<Beat>, listener: UnixListener) {
@@ -662,6 +682,10 @@ const FIRST_WATCH: Duration = Duration::from_secs(2);
 /// group on other interfaces, which adds traffic to their networks, so it is rare.
 const WATCH_EVERY: Duration = Duration::from_secs(240);
 const FILES_EVERY: Duration = Duration::from_secs(10);
+/// After a change. With [`FILES_AGAIN`] a fault has an alert within two or three seconds.
+const FILES_SETTLED: Duration = Duration::from_millis(300);
+/// A file that is just being replaced is whole by then.
+const FILES_AGAIN: Duration = Duration::from_secs(1);
 const STATUS_WITHIN: Duration = Duration::from_secs(1);
 /// How long the vehicles may take to answer about their settings: over a slow radio each takes a second or so.
 const SETTINGS_WITHIN: Duration = Duration::from_secs(120);
