@@ -47,10 +47,14 @@ pub(super) fn summary(status: &Value) -> String {
     let vehicles: Vec<&Value> = list(&status["vehicles"]).collect();
     let count = |of: fn(&Value) -> bool| vehicles.iter().filter(|one| of(one)).count();
     format!(
-        "vehicles: {}; {} live, {} silent, {} in the air, {} not signed\n",
+        "vehicles: {}; {} live, {} silent{}, {} in the air, {} not signed\n",
         vehicles.len(),
         count(is_live),
         count(|one| !is_live(one)),
+        match count(was_never_received) {
+            0 => String::new(),
+            never => format!(" ({never} not received yet)"),
+        },
         // Of a vehicle without data it is not known.
         count(|one| is_live(one) && one["on_ground"] == false),
         count(is_unsigned)
@@ -59,6 +63,11 @@ pub(super) fn summary(status: &Value) -> String {
 
 fn is_live(vehicle: &Value) -> bool {
     vehicle["live"] == true
+}
+
+/// Whether nothing of it was accepted since the bridge was started.
+fn was_never_received(vehicle: &Value) -> bool {
+    !is_live(vehicle) && vehicle["mode"].is_null() && vehicle["link"]["accepted_s"].is_null()
 }
 
 /// What arrives counts, never the setting.
@@ -79,16 +88,20 @@ pub(super) fn line(vehicle: &Value) -> String {
 }
 
 fn heading(vehicle: &Value) -> String {
-    // Of a silent vehicle the mode is the last that it reported.
-    let live = if is_live(vehicle) {
-        "live, mode"
-    } else {
-        "SILENT, last mode"
+    let link = &vehicle["link"];
+    let state = match (is_live(vehicle), vehicle["mode"].as_str()) {
+        (true, mode) => format!("live, mode {}", mode.unwrap_or("unknown")),
+        // Of a silent vehicle the mode is the last that it reported.
+        (false, Some(mode)) => format!("SILENT, last mode {mode}"),
+        (false, None) if !link["accepted_s"].is_null() => "SILENT, no mode received yet".to_owned(),
+        (false, None) if !link["arrives"].is_null() => {
+            "SILENT, no frame of it accepted yet".to_owned()
+        }
+        (false, None) => "SILENT, no data received yet".to_owned(),
     };
     format!(
-        "vehicle {} {live} {}, controlled by {}",
+        "vehicle {} {state}, controlled by {}",
         plain(&vehicle["id"]),
-        vehicle["mode"].as_str().unwrap_or("unknown"),
         vehicle["controller"].as_str().unwrap_or("nobody")
     )
 }
@@ -318,14 +331,40 @@ mod tests {
             // By its setting.
             vehicle(7, true, Some(true), Some("not verified")),
         ]);
-        let status = json!({ "vehicles": vehicles });
+        let mut status = json!({ "vehicles": vehicles });
+        status["vehicles"][2]["mode"] = "AUTO.MISSION".into();
         assert_eq!(
             summary(&status),
             "vehicles: 5; 4 live, 1 silent, 1 in the air, 2 not signed\n"
         );
+        status["vehicles"][2]["mode"] = Value::Null;
+        assert_eq!(
+            summary(&status),
+            "vehicles: 5; 4 live, 1 silent (1 not received yet), 1 in the air, 2 not signed\n"
+        );
         assert!(!are_many(&status));
         assert!(line(&vehicles[3]).ends_with("controlled by nobody, NOT SIGNED\n"));
         assert!(line(&vehicles[0]).ends_with("controlled by nobody\n"));
+    }
+
+    #[test]
+    fn of_a_vehicle_without_a_mode_is_named_what_was_received_of_it() {
+        let mut one = vehicle(1, false, None, None);
+        assert!(
+            line(&one).contains(" SILENT, no data received yet, controlled"),
+            "{one}"
+        );
+        // Another key, such as before it was given this one.
+        one["link"]["arrives"] = "signed with another key".into();
+        assert!(
+            line(&one).contains(" SILENT, no frame of it accepted yet, controlled"),
+            "{one}"
+        );
+        one["link"]["accepted_s"] = 12.0.into();
+        assert!(
+            line(&one).contains(" SILENT, no mode received yet, controlled"),
+            "{one}"
+        );
     }
 
     #[test]

@@ -60,7 +60,7 @@ pub(super) fn text(status: &Status) -> String {
     all.gauge(
         status,
         "vehicle_live",
-        "1 where data of the vehicle is fresh.",
+        "1 where data of the vehicle is fresh; 0 also where none was received yet.",
         |one| Some(f64::from(u8::from(one.live))),
     );
     all.gauge(

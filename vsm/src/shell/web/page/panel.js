@@ -94,14 +94,16 @@ export function drawVehicle(vehicle, recorded, control) {
   const armed = { true: "armed", false: "disarmed", null: "unknown" }[vehicle.armed];
   const ground = { true: "on the ground", false: "in the air", null: "unknown" }[vehicle.on_ground];
   const controller = vehicle.controller ? `${vehicle.controller} controls it` : "nobody controls it";
+  // Nothing was accepted of it since the bridge was started: nothing is the last that was received.
+  const never = !vehicle.live && vehicle.mode === null && link.state === "waiting";
   // The line above the map is about this moment: of a silent vehicle only who controls it is known.
   const now = (vehicle.live
     ? [vehicle.mode ?? "mode unknown", armed, ground, `${height(motion.above_home_m).replace(" ", "\u00a0")} above home`, controller]
-    : ["no data: state unknown", controller]).join(" · ");
+    : [never ? "no data received yet" : "no data: state unknown", controller]).join(" · ");
   if (by("now").textContent !== now) by("now").textContent = by("now").title = now;
   by("vehicle-title").textContent = `Vehicle ${vehicle.tail_number} (${vehicle.id})`;
   rows(by("vehicle"), [
-    ["data", vehicle.live ? "live" : "no data: state unknown; what follows is the last that was received", vehicle.live ? "good" : "bad"],
+    ["data", vehicle.live ? "live" : never ? "no data received yet" : "no data: state unknown; what follows is the last that was received", vehicle.live ? "good" : "bad"],
     ["mode", vehicle.mode ?? "unknown"],
     ["motors", armed],
     ["where", ground],
@@ -132,7 +134,7 @@ export function drawVehicle(vehicle, recorded, control) {
     node("li", `${one.rights}: ${one.from ?? "free"} → ${one.to}, waits for ${one.waits_for}`)));
   rows(by("link"), recorded ? [["recorded", "frames that the bridge believed; signatures are not recorded"]] : [
     ["signing", ...signing(link)],
-    ["state", link.state === "silent" ? `silent: last frame ${age(link.accepted_s)}` : link.state, link.state === "live" ? "good" : "bad"],
+    ["state", { silent: `silent: last frame ${age(link.accepted_s)}`, waiting: "waiting: no frame accepted yet" }[link.state] ?? link.state, link.state === "live" ? "good" : "bad"],
     ["peer", link.peer ?? "no data received yet"],
     ["round trip", link.round_trip_s === null ? "not measured" : `${(link.round_trip_s * 1e3).toFixed(1)} ms`],
     ["lost", link.lost === null ? "unknown" : `${(link.lost * 100).toFixed(1)} % of the vehicle's frames`],
