@@ -9,7 +9,7 @@
 //! to return to, `counted` the vehicles of a table with `count`, `controls` the parameters that a CUCS may set, `terrain` the elevation files, `termination` the action of
 //! a commanded flight termination, `zeroize` what a zeroize erases, `access` the name of the access list, `web` the
 //! stations of the page. `explain` explains errors; `changes` decides what a reload changes; [`airside`] is `airside.toml`,
-//! and `agent_contingency` a table of it; `named_file` opens the files; [`reference`](mod@reference) writes `docs/reference/configuration.md`.
+//! and `agent_contingency` a table of it; `stored` is what a file has of its store, also where the rest is wrong; `named_file` opens the files; [`reference`](mod@reference) writes `docs/reference/configuration.md`.
 //!
 //! ```
 //! use vsm::config::Config;
@@ -44,6 +44,7 @@ mod payload;
 mod rally;
 pub mod reference;
 mod station;
+mod stored;
 mod termination;
 mod terrain;
 mod value;
@@ -65,6 +66,7 @@ pub(crate) use named_file::{open_at_once, open_file};
 pub use payload::Payload;
 pub use rally::Rally;
 pub use station::{Checksum, Cucs, Delivery, Edition, Guard, Presence};
+pub use stored::Stored;
 pub use termination::{Termination, TerminationAction};
 pub use terrain::{TerrainFault, TerrainFolder};
 pub use value::{

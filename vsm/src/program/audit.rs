@@ -8,8 +8,8 @@ use serde_json::{Map, Value};
 use stanag_msgs::Id;
 
 use super::config_arg::ConfigArg;
-use super::process::{Failure, bad, failed, load, print, report_line};
-use crate::config::Config;
+use super::process::{Failure, bad, failed, load_stored, print, report_line};
+use crate::config::Stored;
 use crate::session::{AuditKind, examine_audit, read_log};
 use crate::shell::disk::ReadOnlyDisk;
 
@@ -56,11 +56,11 @@ pub(crate) fn run(action: Action) -> Result<(), Failure> {
 }
 
 fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
-    let config = load(path)?;
-    let disk = open(&config)?;
+    let stored = load_stored(path)?;
+    let disk = open(&stored)?;
     let (mut text, mut faults) = (String::new(), 0);
     let mut absent: Vec<&String> = heads.iter().collect();
-    for vehicle in config.vehicles() {
+    for vehicle in &stored.vehicles {
         let logs = examine_audit(vehicle.id, heads, &disk).map_err(failed)?;
         for log in logs {
             let name = log.kind.name();
@@ -111,9 +111,9 @@ fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
 }
 
 fn export(path: &Path, only: Option<Id>, format: Format) -> Result<(), Failure> {
-    let config = load(path)?;
-    let vehicles = chosen(&config, only)?;
-    let disk = open(&config)?;
+    let stored = load_stored(path)?;
+    let vehicles = chosen(&stored, only)?;
+    let disk = open(&stored)?;
     if format == Format::Csv {
         print(&(COLUMNS.join(",") + "\n"))?;
     }
@@ -137,8 +137,8 @@ fn export(path: &Path, only: Option<Id>, format: Format) -> Result<(), Failure> 
 }
 
 /// The vehicles whose logs are meant. No line of a vehicle that there is not would look as if nothing had happened to it.
-fn chosen(config: &Config, only: Option<Id>) -> Result<Vec<Id>, Failure> {
-    let all: Vec<Id> = config.vehicles().map(|vehicle| vehicle.id).collect();
+fn chosen(stored: &Stored, only: Option<Id>) -> Result<Vec<Id>, Failure> {
+    let all: Vec<Id> = stored.vehicles.iter().map(|vehicle| vehicle.id).collect();
     match only {
         None => Ok(all),
         Some(one) if all.contains(&one) => Ok(vec![one]),
@@ -183,9 +183,9 @@ fn cell(text: &str) -> String {
     }
 }
 
-fn open(config: &Config) -> Result<ReadOnlyDisk, Failure> {
-    ReadOnlyDisk::open(&config.store.dir)
-        .with_context(|| format!("[store] dir {}", config.store.dir.display()))
+fn open(stored: &Stored) -> Result<ReadOnlyDisk, Failure> {
+    ReadOnlyDisk::open(&stored.dir)
+        .with_context(|| format!("[store] dir {}", stored.dir.display()))
         .map_err(failed)
 }
 

@@ -10,9 +10,9 @@ use clap::{Args, Subcommand};
 use mavlink_link::service::ftp::{FilePath, MAX_WRITE, crc32};
 use serde_json::json;
 
-use super::process::{Failure, Waiting, bad, failed, print, report_line, waiting};
+use super::process::{Failure, Waiting, bad, failed, print, report_line, waiting, warn_of_fault};
 use super::status::no_answer;
-use crate::config::Config;
+use crate::config::Stored;
 use crate::shell::files_socket::{ANSWER_WITHIN, Action, Asker, Entry, Reply, Request};
 
 /// Which bridge, and which of its vehicles.
@@ -73,9 +73,10 @@ enum Verb {
 
 /// Status 0: done, and where a file was transferred, both ends have the same checksum of it.
 pub(crate) fn run(arguments: &Files) -> Result<(), Failure> {
-    let config = Config::load(&arguments.config).map_err(bad)?;
+    let stored = Stored::load(&arguments.config).map_err(bad)?;
+    warn_of_fault(&stored);
     let bridge = Bridge {
-        store: config.store.dir,
+        store: stored.dir,
         arguments,
     };
     match &arguments.action {

@@ -26,8 +26,8 @@ use crate::shell::service;
 use super::config_arg::ConfigArg;
 use super::key;
 use super::process::{
-    Failure, LogFormat, act_for, announce, bad, failed, load, log, print, print_line, runtime,
-    stop_signal,
+    Failure, LogFormat, act_for, announce, bad, failed, load_stored, log, print, print_line,
+    runtime, stop_signal,
 };
 use super::status;
 
@@ -241,13 +241,13 @@ fn report(news: &CucsNews) {
 
 /// Has the running bridge do it, and shows what comes of it. `done`: how the line begins that says that it is done.
 fn ask(config: &Path, request: &str, done: &str) -> Result<(), Failure> {
-    let config = load(config)?;
+    let stored = load_stored(config)?;
     let mut is_done = false;
-    pairing_socket::ask(&config.store.dir, request, |line| {
+    pairing_socket::ask(&stored.dir, request, |line| {
         is_done |= line.starts_with(done);
         print_line(line);
     })
-    .map_err(|cause| failed(status::no_answer("bridge", &config.store.dir, cause)))?;
+    .map_err(|cause| failed(status::no_answer("bridge", &stored.dir, cause)))?;
     match is_done {
         true => Ok(()),
         false => Err(failed(anyhow!("it was not done"))),

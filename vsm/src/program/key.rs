@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use crate::config::{Config, Exchange, Signing, Vehicle};
+use crate::config::{Config, Exchange, Signing, Stored, Vehicle};
 use crate::key_exchange::ExchangeRecord;
 use crate::shell::disk::{FileDisk, folder_of, peek, peek_identity};
 use crate::shell::key_file;
@@ -18,7 +18,7 @@ use mavlink_link::store::Store as _;
 
 use super::config_arg::ConfigArg;
 use super::process::{
-    Failure, act_for, bad, failed, load, print, print_line, report_line, runtime,
+    Failure, act_for, bad, failed, load, load_stored, print, print_line, report_line, runtime,
 };
 
 #[derive(Debug, Subcommand)]
@@ -458,11 +458,11 @@ fn clock(which: &Which, accept: bool) -> Result<(), Failure> {
 }
 
 fn list(config: &Path) -> Result<(), Failure> {
-    let config = load(config)?;
-    if let Some(own) = peek_identity(&config.store.dir) {
+    let Stored { dir, vehicles, .. } = load_stored(config)?;
+    if let Some(own) = peek_identity(&dir) {
         print_line(&format!("this VSM: fingerprint {}", own.fingerprint()));
     }
-    for vehicle in config.vehicles() {
+    for vehicle in &vehicles {
         let Signing::KeyFile(path, _) = &vehicle.signing else {
             print_line(&format!("vehicle {}: signing is off", vehicle.id));
             continue;
@@ -483,7 +483,7 @@ fn list(config: &Path) -> Result<(), Failure> {
                 key.id()
             ));
         }
-        let record = peek::<ExchangeRecord>(&config.store.dir, &vehicle.id).map_err(failed)?;
+        let record = peek::<ExchangeRecord>(&dir, &vehicle.id).map_err(failed)?;
         if let Some(peer) = record.as_ref().and_then(ExchangeRecord::peer) {
             print_line(&format!(
                 "vehicle {}: paired with agent {}",

@@ -17,7 +17,7 @@ use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
 use tracing_subscriber::{EnvFilter, fmt};
 
 use crate::config::airside::AirsideConfig;
-use crate::config::{Config, ForwardLink, LinkAddress, open_file};
+use crate::config::{Config, ForwardLink, LinkAddress, Stored, open_file};
 use crate::shell::key_file::no_core_files;
 use crate::shell::log_pipe::LogPipe;
 use crate::shell::ownership::{act_as, other_owner};
@@ -53,6 +53,24 @@ pub(crate) fn load(path: &Path) -> Result<Config, Failure> {
     let devices: Vec<&Path> = devices.filter_map(LinkAddress::device).collect();
     act_for(&config.store.dir, &devices)?;
     Ok(config)
+}
+
+/// Reads of a configuration what has to do with its store, for a command that shows it: a fault of another part of the file is
+/// named, and is none of this command.
+pub(crate) fn load_stored(path: &Path) -> Result<Stored, Failure> {
+    let stored = Stored::load(path).map_err(bad)?;
+    act_for(&stored.dir, &[])?;
+    warn_of_fault(&stored);
+    Ok(stored)
+}
+
+/// Names on standard error what is wrong elsewhere in the file.
+pub(crate) fn warn_of_fault(stored: &Stored) {
+    if let Some(fault) = &stored.fault {
+        report_line(&format!(
+            "vsm: WARNING: {fault}; what it has of the store is used all the same"
+        ));
+    }
 }
 
 /// The store that a configuration names, also where another part of the file is wrong: a running bridge is found by it.

@@ -161,3 +161,34 @@ fn a_log_of_gigabytes_is_not_read_whole() {
     // Whole it would be some gigabytes of memory, and minutes of a debug build.
     assert!(began.elapsed() < Duration::from_secs(30));
 }
+
+/// The one who looks for what happened may be the one who has just broken another table.
+#[test]
+fn what_shows_the_store_needs_no_other_part_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let wrong = CONFIG.to_owned() + "[http]\nlisten = \"nowhere\"\n";
+    fs::write(folder.join("vsm.toml"), wrong).unwrap();
+    start(folder);
+    let list = || {
+        let mut command = Command::new(program("vsm"));
+        let command = command.args(["key", "list", "--config"]);
+        command.arg(folder.join("vsm.toml")).output().unwrap()
+    };
+    for (done, words) in [
+        (done(folder, &["verify"]), "intact"),
+        (done(folder, &["export"]), "started"),
+        (list(), "vehicle 1b:00:01:01: signing is off"),
+    ] {
+        let (out, err) = (
+            String::from_utf8_lossy(&done.stdout),
+            String::from_utf8_lossy(&done.stderr),
+        );
+        assert_eq!(done.status.code(), Some(0), "{err}");
+        assert!(out.contains(words), "{out}");
+        assert!(
+            err.contains("WARNING") && err.contains("http.listen"),
+            "{err}"
+        );
+    }
+}
