@@ -135,6 +135,7 @@ pub use bridge::{
 };
 pub use counters::{ByType, Counters};
 pub use files::{FileEvent, FileRefusal};
+pub use findings::vehicle::EncryptedArrivals;
 pub use forward::ForwardStatus;
 pub use guard::{GroupReceiver, GuardEnd, GuardKeyUntil, GuardRefusal, GuardStatus, SealError};
 pub use link::encryption_status::EncryptionStatus;

@@ -5,14 +5,15 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::encrypted::{
-    Carrier, EncryptedConfig, EncryptedEvent, EncryptedLink, MAX_WIRE, Role, bytes_on_radio,
+    Carrier, Dropped, EncryptedConfig, EncryptedEvent, EncryptedLink, MAX_WIRE, Role,
+    bytes_on_radio,
 };
 use mavlink_link::exchange::{Identity, Parties, PublicKey};
 use mavlink_link::store::{Disk, StoreError};
 
 use super::key_file::system_random;
 use crate::config::LinkAddress;
-use crate::session::{EncryptionStatus, LogLevel, Peer};
+use crate::session::{EncryptedArrivals, EncryptionStatus, LogLevel, Peer};
 
 /// One end.
 #[derive(Debug)]
@@ -21,6 +22,8 @@ pub(super) struct Encryption {
     link: EncryptedLink<Peer>,
     out: Box<[u8; MAX_WIRE]>,
     faults: Faults,
+    /// What had arrived at the last call of [`Encryption::poll_arrivals`].
+    arrived: EncryptedArrivals,
 }
 
 /// What an end is: which, whose, and with whom.
@@ -73,6 +76,7 @@ impl Encryption {
             link: EncryptedLink::open(config, now.mono, disk)?,
             out: Box::new([0; MAX_WIRE]),
             faults: Faults::default(),
+            arrived: EncryptedArrivals::default(),
         })
     }
 
@@ -147,6 +151,31 @@ impl Encryption {
             }
         }
         None
+    }
+
+    /// What has arrived so far, where that is more than at the last call.
+    pub(super) fn poll_arrivals(&mut self) -> Option<EncryptedArrivals> {
+        let stats = self.link.stats();
+        let count = |all: &[Dropped]| all.iter().map(|why| stats.count_of(*why)).sum::<u64>();
+        let arrived = EncryptedArrivals {
+            opened: stats.opened,
+            refused: count(&[
+                Dropped::NoKey,
+                Dropped::Station,
+                Dropped::Replayed,
+                Dropped::Forged,
+                Dropped::Retired,
+            ]),
+            plain: count(&[Dropped::Plaintext, Dropped::NotExchange]),
+            noise: count(&[
+                Dropped::Escape,
+                Dropped::Length,
+                Dropped::Truncated,
+                Dropped::Kind,
+            ]),
+        };
+        let before = std::mem::replace(&mut self.arrived, arrived);
+        (before != arrived).then_some(arrived)
     }
 
     /// How it stands.

@@ -12,6 +12,7 @@ use super::Bridge;
 use crate::session::aircraft::Aircraft;
 use crate::session::alerts::{Cause, Raised};
 use crate::session::findings::host::{KeyFault, StoreFact};
+use crate::session::findings::vehicle::EncryptedArrivals;
 use crate::session::findings::{self, Code, Finding, dli, vehicle};
 use crate::session::log::{LogEntry, LogLevel};
 
@@ -64,6 +65,13 @@ impl Bridge {
     /// The shell has looked at the folder of the store and the room on its disk, and what it has found wrong.
     pub fn note_store(&mut self, fault: Option<&StoreFact>) {
         self.checks.store = fault.map(StoreFact::finding);
+    }
+
+    /// What the encrypted link of a vehicle has counted of what arrives on it: the bridge is given what is inside.
+    pub fn note_packets(&mut self, index: usize, packets: EncryptedArrivals) {
+        if let Some(one) = self.aircraft.get_mut(index) {
+            one.link.note_packets(packets);
+        }
     }
 
     /// The configuration was to be applied: why it was not, or `None` where it is in force.
@@ -137,6 +145,7 @@ impl Bridge {
     fn evidence_of<'a>(&self, mono: Duration, one: &'a Aircraft) -> vehicle::Evidence<'a> {
         // The system in place of the vehicle sends the most frames; the others are forwarded by it.
         let others = self.others_on_link(one);
+        let others = others.filter(|(system, _)| one.link.is_sending(*system, mono));
         let other = others.max_by_key(|(_, frames)| *frames);
         let shares = self.aircraft.on_port(one.port).len() > 1;
         let beside = (other.map(|(system, _)| system), shares);

@@ -3,6 +3,7 @@
 //! [`Arrivals`] looks at the counters of the link once in a while, which costs the frames nothing; [`judge`] makes of it at
 //! most one reason why the vehicle is not received, the most specific one, and whether it receives us.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use mavlink_link::link::LinkStats;
@@ -14,6 +15,7 @@ use crate::config::LinkAddress;
 /// What became of frames, or why they were refused; the most specific one first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
+    Unstored,
     OtherKey,
     Unsigned,
     Stale,
@@ -26,7 +28,8 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    const ALL: [Kind; 9] = [
+    const ALL: [Kind; 10] = [
+        Kind::Unstored,
         Kind::OtherKey,
         Kind::Unsigned,
         Kind::Stale,
@@ -41,6 +44,7 @@ impl Kind {
     /// For the status.
     pub(crate) fn name(self) -> &'static str {
         match self {
+            Kind::Unstored => "signing clock not stored",
             Kind::OtherKey => "signed with another key",
             Kind::Unsigned => "not signed",
             Kind::Stale => "stale timestamps",
@@ -56,6 +60,7 @@ impl Kind {
     /// How many there were. `searched`: not signed, and signed with neither key, while the key was searched for.
     fn count(self, stats: &LinkStats, searched: (u64, u64)) -> u64 {
         match self {
+            Kind::Unstored => stats.ceiling_not_stored,
             Kind::OtherKey => stats.bad_signature + searched.1,
             Kind::Unsigned => stats.unsigned_vehicle + searched.0,
             Kind::Stale => stats.stale,
@@ -69,11 +74,48 @@ impl Kind {
     }
 }
 
+/// What an encrypted link has counted of what arrives on it. The frames in packets that verify are counted by the link inside.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct EncryptedArrivals {
+    /// Packets that verified.
+    pub opened: u64,
+    /// Packets that did not: under other keys, changed, played again, or before keys were agreed on.
+    pub refused: u64,
+    /// Frames of MAVLink in the clear.
+    pub plain: u64,
+    /// What is no packet.
+    pub noise: u64,
+}
+
+/// The most specific kind of what arrives on an encrypted link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Packets {
+    Opened,
+    Refused,
+    Plain,
+    Noise,
+}
+
+impl EncryptedArrivals {
+    fn by_kind(&self) -> [(Packets, u64); 4] {
+        [
+            (Packets::Opened, self.opened),
+            (Packets::Refused, self.refused),
+            (Packets::Plain, self.plain),
+            (Packets::Noise, self.noise),
+        ]
+    }
+}
+
 /// What has arrived, and when each kind last did.
 #[derive(Debug, Default)]
 pub(crate) struct Arrivals {
     counts: [u64; Kind::ALL.len()],
     last: [Option<Duration>; Kind::ALL.len()],
+    packets: EncryptedArrivals,
+    packets_last: [Option<Duration>; 4],
+    /// How many frames each other system has sent, and when the last ones arrived.
+    others: BTreeMap<u8, (u32, Duration)>,
     /// Since when this is looked at.
     began: Option<Duration>,
     datagrams: u64,
@@ -81,9 +123,32 @@ pub(crate) struct Arrivals {
 }
 
 impl Arrivals {
-    /// Looks at the counters; what they have grown by has arrived since the last look.
-    pub(crate) fn look(&mut self, mono: Duration, stats: &LinkStats, searched: (u64, u64)) {
+    /// Looks at the counters; what they have grown by has arrived since the last look. `packets`: of an encrypted link. `others`:
+    /// frames of other systems than the vehicle.
+    pub(crate) fn look(
+        &mut self,
+        mono: Duration,
+        stats: &LinkStats,
+        searched: (u64, u64),
+        packets: EncryptedArrivals,
+        others: impl Iterator<Item = (u8, u32)>,
+    ) {
         self.began.get_or_insert(mono);
+        if stats.unexpected_system > self.counts[Kind::OtherSystem as usize] {
+            for (system, frames) in others {
+                let known = self.others.entry(system).or_default();
+                if frames > known.0 {
+                    *known = (frames, mono);
+                }
+            }
+        }
+        let kinds = packets.by_kind().into_iter().zip(self.packets.by_kind());
+        for (index, ((_, now), (_, before))) in kinds.enumerate() {
+            if now > before {
+                self.packets_last[index] = Some(mono);
+            }
+        }
+        self.packets = packets;
         for (index, kind) in Kind::ALL.into_iter().enumerate() {
             let count = kind.count(stats, searched);
             if count > self.counts[index] {
@@ -108,10 +173,26 @@ impl Arrivals {
         kinds.find(|(_, at)| fresh(at)).map(|(kind, _)| kind)
     }
 
-    /// Whether anything at all has arrived within [`FRESH`].
+    /// Whether anything at all has arrived within [`NOTHING_FOR`]; on an encrypted link in a packet that verified.
     pub(crate) fn any(&self, mono: Duration) -> bool {
         self.any
             .is_some_and(|at| mono.saturating_sub(at) <= NOTHING_FOR)
+    }
+
+    /// Whether frames of this other system have arrived within [`NOTHING_FOR`]: the one in place of the vehicle, and not one that
+    /// has sent the more of them before.
+    pub(crate) fn is_sending(&self, system: u8, mono: Duration) -> bool {
+        let last = self.others.get(&system).map(|(_, at)| *at);
+        last.is_some_and(|at| mono.saturating_sub(at) <= NOTHING_FOR)
+    }
+
+    /// What has arrived of late on an encrypted link.
+    fn packets(&self, mono: Duration) -> Option<Packets> {
+        let fresh =
+            |at: &Option<Duration>| at.is_some_and(|at| mono.saturating_sub(at) <= NOTHING_FOR);
+        let kinds = self.packets.by_kind().into_iter().zip(&self.packets_last);
+        let mut kinds = kinds.filter(|(_, at)| fresh(at));
+        kinds.next().map(|((kind, _), _)| kind)
     }
 }
 
@@ -153,7 +234,10 @@ pub(crate) fn judge(evidence: &Evidence<'_>) -> Option<Finding> {
     {
         Some(refused_finding(evidence, kind))
     } else if (evidence.shared || !evidence.arrivals.any(mono)) && for_long(last, NOTHING_FOR) {
-        Some(nothing_finding(evidence))
+        Some(match evidence.encrypted {
+            true => no_packet_finding(evidence),
+            false => nothing_finding(evidence),
+        })
     } else {
         None
     }
@@ -175,6 +259,16 @@ fn refused_finding(evidence: &Evidence<'_>, kind: Kind) -> Finding {
         .key
         .map_or_else(|| "none".to_owned(), |key| key.to_string());
     match kind {
+        Kind::Unstored => finding(
+            evidence,
+            Code::Store,
+            format!(
+                "frames of MAVLink system {system} verify under key {key}, but the signing clock cannot be stored: nothing is sent to the \
+                 vehicle, and nothing of it believed"
+            ),
+            "see that the disk of [store] dir takes writes (one with faults is mounted read-only by itself: look at dmesg); with \
+             store.kind = \"etcd\" that this node reaches etcd, and which node serves (\"vsm fleet list\")",
+        ),
         Kind::OtherKey => finding(
             evidence,
             Code::MavlinkOtherKey,
@@ -264,14 +358,43 @@ fn refused_finding(evidence: &Evidence<'_>, kind: Kind) -> Finding {
     }
 }
 
+/// Nothing of the vehicle arrives on an encrypted link: by what else does.
+fn no_packet_finding(evidence: &Evidence<'_>) -> Finding {
+    let link = evidence.address;
+    let (code, cause, cure) = match evidence.arrivals.packets(evidence.mono) {
+        Some(Packets::Opened) => (
+            Code::MavlinkNone,
+            format!("the agent's packets open on {link}, and no MAVLink of the vehicle is in them"),
+            "the agent is reached, and lacks PX4's MAVLink, or the key of it: see \"vsm airside status\" on its computer",
+        ),
+        Some(Packets::Refused) => (
+            Code::MavlinkUnreadable,
+            format!("encrypted packets arrive on {link}, and none of them opens"),
+            "another agent than the paired one sends there, or one whose pairing is lost, or somebody plays a recording: \"vsm status\" counts \
+             them by reason; pair again where one end was installed anew (\"vsm airside pair\", \"vsm pair\")",
+        ),
+        Some(Packets::Plain) => (
+            Code::MavlinkUnreadable,
+            format!("MAVLink in the clear arrives on {link}, which is encrypted"),
+            "set encrypt = true in [radio] of the agent, or find out who else sends there, such as PX4 itself beside the agent",
+        ),
+        Some(Packets::Noise) => (
+            Code::MavlinkUnreadable,
+            format!("bytes arrive on {link}, and no packet of an encrypted link"),
+            "another program sends there, or the baud rate of a serial line differs",
+        ),
+        None => (
+            Code::MavlinkNone,
+            format!("nothing at all arrives on {link}, which is encrypted"),
+            "check the link to the agent, and that \"vsm airside\" runs on its computer",
+        ),
+    };
+    finding(evidence, code, cause, cure)
+}
+
 fn nothing_finding(evidence: &Evidence<'_>) -> Finding {
     let link = evidence.address;
     let cure = match link {
-        _ if evidence.encrypted => {
-            "see in vsm status whether the encrypted link is encrypted or agreeing: then the agent is reached, and lacks PX4's MAVLink, or \
-             the key of it (vsm airside status); else check the link to the agent"
-                .to_owned()
-        }
         LinkAddress::UdpIn(at) => format!(
             "have the vehicle send to this computer, port {} (PX4: \"mavlink start -u PORT -t ADDRESS -o {}\"); check a firewall; \
              a vehicle that waits itself needs link = \"udpout:HOST:PORT\"",
@@ -345,13 +468,18 @@ mod tests {
         Duration::from_secs(s)
     }
 
+    fn look(arrivals: &mut Arrivals, at_s: u64, stats: &LinkStats) {
+        let (packets, others) = (EncryptedArrivals::default(), std::iter::empty());
+        arrivals.look(seconds(at_s), stats, (0, 0), packets, others);
+    }
+
     /// The finding 30 s after the start, where these counters have grown a second before.
     fn found(grown: impl FnOnce(&mut LinkStats), accepted: Option<u64>) -> Option<Finding> {
         let mut stats = LinkStats::default();
         let mut arrivals = Arrivals::default();
-        arrivals.look(seconds(1), &stats, (0, 0));
+        look(&mut arrivals, 1, &stats);
         grown(&mut stats);
-        arrivals.look(seconds(29), &stats, (0, 0));
+        look(&mut arrivals, 29, &stats);
         let address = LinkAddress::UdpIn(std::net::SocketAddr::from(([127, 0, 0, 1], 14_550)));
         judge(&Evidence {
             mono: seconds(30),
@@ -381,6 +509,7 @@ mod tests {
                 (|s: &mut LinkStats| s.bad_signature = 1) as fn(&mut LinkStats),
                 Code::MavlinkOtherKey,
             ),
+            (|s| s.ceiling_not_stored = 1, Code::Store),
             (|s| s.unsigned_vehicle = 1, Code::MavlinkUnsigned),
             (|s| s.stale = 1, Code::MavlinkStale),
             (|s| s.future = 1, Code::MavlinkAhead),
@@ -419,7 +548,7 @@ mod tests {
                 // Its last frame is that of 20 s.
                 stats.datagrams += u64::from(at <= 20 || burst_at == Some(at));
                 stats.garbage_bytes += if burst_at == Some(at) { 40 } else { 0 };
-                arrivals.look(seconds(at), &stats, (0, 0));
+                look(&mut arrivals, at, &stats);
                 let evidence = Evidence {
                     mono: seconds(at),
                     vehicle: stanag_msgs::Id(0x1b00_0101),
@@ -445,6 +574,89 @@ mod tests {
             assert_eq!(named, burst_at.is_some(), "{burst_at:?}");
             assert_eq!(codes.last(), Some(&Code::MavlinkNone));
         }
+    }
+
+    #[test]
+    fn of_an_encrypted_link_the_cause_is_what_was_counted() {
+        let address = LinkAddress::UdpIn(std::net::SocketAddr::from(([127, 0, 0, 1], 14_550)));
+        let mut packets = EncryptedArrivals::default();
+        let mut arrivals = Arrivals::default();
+        let mut found = |at_s: u64, grown: fn(&mut EncryptedArrivals)| {
+            grown(&mut packets);
+            let stats = LinkStats::default();
+            arrivals.look(seconds(at_s), &stats, (0, 0), packets, std::iter::empty());
+            let finding = judge(&Evidence {
+                mono: seconds(at_s + 1),
+                vehicle: stanag_msgs::Id(0x1b00_0101),
+                address: &address,
+                system: 7,
+                key: None,
+                arrivals: &arrivals,
+                other: None,
+                shared: false,
+                encrypted: true,
+                accepted: None,
+                unanswered: None,
+            });
+            finding.map(|finding| (finding.code, finding.cause))
+        };
+        assert_eq!(found(1, |_| {}), None);
+        for (at_s, grown, code, words) in [
+            (
+                30,
+                (|_| {}) as fn(&mut EncryptedArrivals),
+                Code::MavlinkNone,
+                "nothing at all arrives on",
+            ),
+            (
+                50,
+                |one| one.noise += 1,
+                Code::MavlinkUnreadable,
+                "no packet of an encrypted link",
+            ),
+            (
+                70,
+                |one| one.plain += 1,
+                Code::MavlinkUnreadable,
+                "MAVLink in the clear",
+            ),
+            (
+                90,
+                |one| one.refused += 1,
+                Code::MavlinkUnreadable,
+                "none of them opens",
+            ),
+            (
+                110,
+                |one| (one.opened, one.refused) = (1, 9),
+                Code::MavlinkNone,
+                "no MAVLink of the vehicle is in them",
+            ),
+            // What was before is none of now.
+            (130, |_| {}, Code::MavlinkNone, "nothing at all arrives on"),
+        ] {
+            let (found, cause) = found(at_s, grown).expect(words);
+            assert_eq!(found, code, "{cause}");
+            assert!(cause.contains(words), "{cause}");
+            assert!(!cause.contains("no MAVLink at all"), "{cause}");
+        }
+    }
+
+    /// A system that sent for hours, and is gone, is not the one in place of the vehicle.
+    #[test]
+    fn only_a_system_that_sends_now_is_named_in_place_of_the_vehicle() {
+        let (mut stats, mut arrivals) = (LinkStats::default(), Arrivals::default());
+        let mut look = |at_s, others: &[(u8, u32)]| {
+            stats.unexpected_system = others.iter().map(|(_, n)| u64::from(*n)).sum();
+            let others = others.iter().copied();
+            let packets = EncryptedArrivals::default();
+            arrivals.look(seconds(at_s), &stats, (0, 0), packets, others);
+            [1, 3].map(|system| arrivals.is_sending(system, seconds(at_s)))
+        };
+        assert_eq!(look(1, &[(1, 5_000)]), [true, false]);
+        assert_eq!(look(100, &[(1, 5_000), (3, 1)]), [false, true]);
+        assert_eq!(look(105, &[(1, 5_000), (3, 1)]), [false, true]);
+        assert_eq!(look(200, &[(1, 5_000), (3, 1)]), [false, false]);
     }
 
     #[test]

@@ -60,7 +60,7 @@ use self::state::VehicleState;
 use super::alerts::Cause;
 use super::counters::ByType;
 use super::effects::Effects;
-use super::findings::vehicle::{Arrivals, Evidence, FRESH, Kind};
+use super::findings::vehicle::{Arrivals, EncryptedArrivals, Evidence, FRESH, Kind};
 use super::log::LogLevel;
 
 pub(crate) use budget::Capacity;
@@ -87,6 +87,8 @@ pub(crate) struct VehicleLink {
     verified: Option<(Duration, KeyId)>,
     /// Frames and bytes that arrived but were not accepted.
     pub(super) arrivals: Arrivals,
+    /// What arrives around them, where the link is encrypted.
+    packets: EncryptedArrivals,
     /// Frames with stale timestamps from before the vehicle's clock was raised to ours.
     stale_at_start: StaleAtStart,
     /// When this computer's clock was last found to be far ahead of the signing clock.
@@ -157,6 +159,7 @@ impl VehicleLink {
             live_since: None,
             verified: None,
             arrivals: Arrivals::default(),
+            packets: EncryptedArrivals::default(),
             stale_at_start: StaleAtStart::default(),
             wall_far_ahead: None,
             texts: Texts::new(vehicle.system),
@@ -189,6 +192,16 @@ impl VehicleLink {
     /// Other MAVLink systems that sent frames on this link, with the number of frames of each.
     pub(crate) fn other_systems(&self) -> impl Iterator<Item = (u8, u32)> + '_ {
         self.link.other_systems()
+    }
+
+    /// Whether frames of this other system arrive.
+    pub(crate) fn is_sending(&self, system: u8, mono: Duration) -> bool {
+        self.arrivals.is_sending(system, mono)
+    }
+
+    /// What the encrypted link, in which this one is, has counted.
+    pub(crate) fn note_packets(&mut self, packets: EncryptedArrivals) {
+        self.packets = packets;
     }
 
     pub(crate) fn key(&self) -> Option<&KeyState> {
@@ -244,7 +257,8 @@ impl VehicleLink {
         }
         self.report_missing(vehicle, effects);
         let searched = self.key_recovery.refused_frames();
-        self.arrivals.look(now.mono, &self.link.stats(), searched);
+        let (stats, others) = (self.link.stats(), self.link.other_systems());
+        (self.arrivals).look(now.mono, &stats, searched, self.packets, others);
         self.collect(vehicle, effects);
         self.flush(vehicle, effects);
     }
@@ -553,7 +567,11 @@ impl VehicleLink {
             let signed = self.link.config().security == Security::Signed;
             return Some(if signed { "verified" } else { "not verified" });
         }
-        self.arrivals.refused(mono).map(Kind::name)
+        // Where the clock cannot be stored, verified ones are refused: the finding names that.
+        let refused = self.arrivals.refused(mono);
+        refused
+            .filter(|kind| *kind != Kind::Unstored)
+            .map(Kind::name)
     }
 
     /// Whether this computer's clock is far ahead of the signing clock.

@@ -98,6 +98,9 @@ impl Core {
         let mut log = vec![];
         for (index, one) in &mut self.encryptions {
             one.handle_timeout(now, &mut self.store);
+            if let Some(packets) = one.poll_arrivals() {
+                self.bridge.note_packets(*index, packets);
+            }
             while let Some((level, text)) = one.poll_notice(now.mono) {
                 if level == LogLevel::Warning {
                     // The alert is logged, too.

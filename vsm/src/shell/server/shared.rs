@@ -310,7 +310,7 @@ impl Shared {
             status.warnings.push(NO_LEASE.to_owned());
         }
         // A full disk has been found already, and each vehicle has an alert of its own.
-        let known = |one: &Finding| one.code == Code::Store;
+        let known = |one: &Finding| one.code == Code::Store && one.about == "store";
         if let Some(cause) = core.store.failing()
             && !status.findings.iter().any(known)
         {
