@@ -246,8 +246,13 @@ pub fn remedy(cause: &str) -> &'static str {
     known.map_or("", |(_, remedy)| remedy)
 }
 
-const REMEDIES: [(&str, &str); 6] = [
+const REMEDIES: [(&str, &str); 7] = [
     ("No space left on device", "; free space on its disk"),
+    // etcd's own words.
+    (
+        "database space exceeded",
+        "; compact etcd's database, then give etcdctl alarm disarm",
+    ),
     (
         "Disk quota exceeded",
         "; free space, or raise the quota of its owner",

@@ -149,7 +149,7 @@ fn a_record_that_cannot_be_made_durable_keeps_no_station_from_its_other_answers(
     scene.rig.run(1.0);
     assert_eq!(scene.rig.stations[B].end(taken), Some(AckType::CarriedOut));
     assert_eq!(scene.controller(), Some(B));
-    assert!(scene.rig.stations[A].has_alert("the VSM's disk stores records again"));
+    assert!(scene.rig.stations[A].has_alert("the VSM stores records again"));
 }
 
 #[test]

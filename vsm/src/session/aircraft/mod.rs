@@ -196,11 +196,10 @@ impl Aircraft {
             Some(fault) => effects.warn(
                 Cause::Disk,
                 format!(
-                    "cannot store {fault}; retrying. Commands that depend on it are delayed or refused: check the \
-                     VSM's disk"
+                    "cannot store {fault}; retrying. Commands that depend on it are delayed or refused: see vsm doctor"
                 ),
             ),
-            None => effects.clear(Cause::Disk, "the VSM's disk stores records again"),
+            None => effects.clear(Cause::Disk, "the VSM stores records again"),
         }
         self.authority(dli, authority::Input::Stored);
         self.terminate(dli, termination::Input::Watch);

@@ -175,14 +175,16 @@ pub(crate) fn lease() -> Finding {
     )
 }
 
-/// A record of the store that cannot be made durable: which, and why.
-pub(crate) fn failing(cause: &StoreError) -> Finding {
-    Finding::new(
-        Code::Store,
-        "store",
-        format!("the store cannot be written: {cause}"),
-        "free space on its disk, or mend it; what is not stored is refused, and vehicles fly on",
-    )
+/// A record of the store that cannot be made durable: which, and why. `shared`: only once it is in etcd, too.
+pub(crate) fn failing(cause: &StoreError, shared: bool) -> Finding {
+    let cure = if shared {
+        "see that this node reaches etcd, that etcd takes changes (etcdctl alarm list), and that the disk of [store] dir has room; what is not \
+         stored is refused, and vehicles fly on"
+    } else {
+        "free space on its disk, or mend it; what is not stored is refused, and vehicles fly on"
+    };
+    let cause = format!("the store cannot be written: {cause}");
+    Finding::new(Code::Store, "store", cause, cure)
 }
 
 /// What of this computer's clock shows that it is wrong. `before` is a date that it cannot be before; `far_ahead`: it is over
@@ -218,6 +220,21 @@ mod tests {
         let ahead = clock(4_000_000_000, 1_767_225_600, true).expect("2096");
         assert!(ahead.cause.contains("over a year ahead"), "{ahead}");
         assert_eq!(clock(1_795_219_200, 1_767_225_600, false), None);
+    }
+
+    #[test]
+    fn a_record_that_is_not_stored_is_cured_where_the_store_is() {
+        let cause = StoreError::new("authority", "connection refused");
+        let disk = failing(&cause, false).to_string();
+        assert!(disk.contains("free space on its disk"), "{disk}");
+        let etcd = failing(&cause, true).to_string();
+        assert!(
+            etcd.contains("reaches etcd") && !etcd.contains("free space"),
+            "{etcd}"
+        );
+        let full = StoreError::new("authority", "etcdserver: mvcc: database space exceeded");
+        let full = failing(&full, true).to_string();
+        assert!(full.contains("etcdctl alarm disarm"), "{full}");
     }
 
     #[test]

@@ -314,7 +314,8 @@ impl Shared {
         if let Some(cause) = core.store.failing()
             && !status.findings.iter().any(known)
         {
-            status.findings.push(findings::failing(&cause));
+            let is_shared = core.config.store.shared().is_some();
+            status.findings.push(findings::failing(&cause, is_shared));
         }
         status.logged = self.events.borrow().lately(self.clock.now().wall);
         status
