@@ -1,8 +1,10 @@
 //! What may be asked of PX4 through the agent, and by another ground station through the bridge: an allow-list, against one that
 //! somebody has captured.
 //!
-//! Who holds the signing key can command; a list bounds what that is worth. By default it is what the bridge itself sends: its
-//! messages, its commands, and writes of parameters that are no safety net. Not on it are SERIAL_CONTROL (a shell on PX4),
+//! Who holds the signing key can command; a list bounds what that is worth. That of the agent is by default what the bridge itself
+//! sends: its messages, its commands, and writes of parameters that are no safety net ([`RelayPolicy::default`]). That of another
+//! ground station is shorter, and does not grow with what the bridge learns to send: what a person flies by there
+//! ([`RelayPolicy::of_ground_station`]). Not on either are SERIAL_CONTROL (a shell on PX4),
 //! FILE_TRANSFER_PROTOCOL (its SD card, and its key file with it), reboots, and the parameters by which PX4 defends itself:
 //! failsafes, geofence, arming checks, the ports and their signing. The lists are the agent's own configuration, which nobody
 //! changes over the radio.
@@ -20,7 +22,21 @@ pub struct RelayPolicy {
     pub protected_parameters: Vec<String>,
 }
 
+impl RelayPolicy {
+    /// What another ground station may ask of PX4 through the bridge by default. No elevations of the ground, clock or events, which
+    /// are the bridge's; no payloads, which a CUCS may hold apart from the vehicle.
+    #[must_use]
+    pub fn of_ground_station() -> RelayPolicy {
+        RelayPolicy {
+            messages: STATION_MESSAGES.to_vec(),
+            commands: STATION_COMMANDS.to_vec(),
+            ..RelayPolicy::default()
+        }
+    }
+}
+
 impl Default for RelayPolicy {
+    /// What the bridge itself sends.
     fn default() -> RelayPolicy {
         RelayPolicy {
             messages: MESSAGES.to_vec(),
@@ -222,6 +238,33 @@ const COMMANDS: [u16; 24] = [
     1_001, 2_000, 2_500, 2_501, 3_000, 32_100, 43_002,
 ];
 
+/// PING; PARAM_REQUEST_READ, _LIST, _SET; the mission protocol; MANUAL_CONTROL; COMMAND_INT, _LONG, _ACK;
+/// SET_POSITION_TARGET_LOCAL_NED. (A HEARTBEAT is not passed on at all.)
+const STATION_MESSAGES: [u32; 18] = [
+    4,
+    20,
+    21,
+    23,
+    39,
+    40,
+    41,
+    43,
+    44,
+    45,
+    47,
+    51,
+    69,
+    73,
+    COMMAND_INT,
+    COMMAND_LONG,
+    77,
+    84,
+];
+
+/// NAV_TAKEOFF, DO_ORBIT, DO_SET_MODE, DO_CHANGE_SPEED, DO_REPOSITION, COMPONENT_ARM_DISARM, SET_MESSAGE_INTERVAL,
+/// REQUEST_MESSAGE, REQUEST_OPERATOR_CONTROL.
+const STATION_COMMANDS: [u16; 9] = [22, 34, 176, 178, 192, ARM_DISARM, 511, 512, 32_100];
+
 /// PREFLIGHT_CALIBRATION, _SET_SENSOR_OFFSETS, _STORAGE, _REBOOT_SHUTDOWN: where the list has them, on the ground only.
 const ONLY_DISARMED: [u16; 4] = [241, 242, 245, 246];
 
@@ -260,6 +303,40 @@ const NO_CONTROLS: [&str; 9] = [
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What it is by default is in docs/guide/beside-others.md, and does not follow the list of the agent.
+    #[test]
+    fn a_ground_station_may_ask_less_than_the_bridge_and_nothing_that_an_agent_would_hold_back() {
+        let (station, bridge) = (RelayPolicy::of_ground_station(), RelayPolicy::default());
+        assert!(
+            station
+                .messages
+                .iter()
+                .all(|one| bridge.messages.contains(one))
+        );
+        assert!(
+            station
+                .commands
+                .iter()
+                .all(|one| bridge.commands.contains(one))
+        );
+        assert_eq!(station.protected_parameters, bridge.protected_parameters);
+        // TIMESYNC, TERRAIN_DATA, GIMBAL_MANAGER_SET_ATTITUDE, REQUEST_EVENT.
+        for message in [111, 134, 282, 412] {
+            assert!(!station.messages.contains(&message), "{message}");
+        }
+        // Cameras, gimbals, pictures.
+        for command in [530, 1_000, 2_000] {
+            assert!(!station.commands.contains(&command), "{command}");
+        }
+        let page = include_str!("../../docs/guide/beside-others.md");
+        let listed = |numbers: Vec<String>| format!("({})", numbers.join(", "));
+        let messages = listed(station.messages.iter().map(u32::to_string).collect());
+        let commands = listed(station.commands.iter().map(u16::to_string).collect());
+        for list in [messages, commands] {
+            assert!(page.contains(&list), "{list}");
+        }
+    }
 
     #[test]
     fn patterns_match_whole_names() {

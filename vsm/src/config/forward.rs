@@ -31,8 +31,8 @@ table! {
         pub vehicles: Vec<Id> => Nothing("all"),
         /// Key of this ground station and no other: what it is sent is signed with it, and only what is signed with it is taken
         pub key_file: Option<PathBuf> => Nothing("none: nothing is signed, nothing is taken"),
-        /// Whether it may command: `false`; `true`, what the bridge itself sends; or a table of lists as in `[relay]` of
-        /// `airside.toml` (`messages`, `commands`, `protected_parameters`). Needs `key_file`
+        /// Whether it may command: `false`; `true`, what a ground station flies by ([beside-others.md](../guide/beside-others.md)); or a table of
+        /// lists as in `[relay]` of `airside.toml` (`messages`, `commands`, `protected_parameters`), each in place of that. Needs `key_file`
         #[serde(default)]
         pub commands: Commands => Value("false"),
         /// Whether it is a program of this computer that cannot sign, such as one of MAVSDK or pymavlink: what it sends is taken unsigned
@@ -71,8 +71,8 @@ fn ground_station() -> u8 {
 }
 
 table! {
-    /// `forward.commands`, and `[relay]` of `airside.toml`: what is passed on to PX4, each list in place of its default, which
-    /// is what the bridge itself sends.
+    /// `forward.commands`, and `[relay]` of `airside.toml`: what is passed on to PX4, each list in place of its default. That of the
+    /// agent is what the bridge itself sends, that of a `[[forward]]` is shorter.
     #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, Serialize)]
     #[serde(deny_unknown_fields)]
     pub struct Relay {
@@ -86,7 +86,7 @@ table! {
 }
 
 impl Relay {
-    /// The lists, with the defaults where there is none.
+    /// The lists of an agent, with its defaults where there is none.
     #[must_use]
     pub fn policy(&self) -> RelayPolicy {
         self.policy_over(RelayPolicy::default())
@@ -222,7 +222,7 @@ impl Forward {
         let lists = self.commands.0.as_ref()?;
         Some(match self.unsigned {
             true => lists.listed(),
-            false => lists.policy(),
+            false => lists.policy_over(RelayPolicy::of_ground_station()),
         })
     }
 
@@ -241,7 +241,7 @@ impl Forward {
             }
         }
         match &self.commands.0 {
-            // `true` permits all that the bridge itself sends. A program that cannot sign must be limited to a list.
+            // `true` permits all that a ground station flies by. A program that cannot sign must be limited to a list.
             Some(lists) if *lists == Relay::default() => {
                 let expected = "lists with unsigned = true, such as { commands = [176, 400] }";
                 fault(at, "forward.commands", "true", expected)

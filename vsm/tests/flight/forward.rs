@@ -7,6 +7,7 @@ use std::time::Duration;
 use kit::bridge::{FORWARD_KEYS, Rig, Setup, key, orders};
 use mavlink_link::dialect::{
     HEARTBEAT_DATA, MavCmd, MavMessage, MavResult, PARAM_REQUEST_LIST_DATA, PARAM_SET_DATA,
+    TERRAIN_DATA_DATA, TIMESYNC_DATA,
 };
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::service::{Node, command};
@@ -345,6 +346,24 @@ fn on_a_slow_link_what_it_asks_waits_for_room_and_what_it_commands_does_not() {
     send(&mut rig, 0, &arm());
     rig.run(0.5);
     assert!(rig.vehicles[0].vehicle().truth().armed);
+}
+
+/// The bridge sends these, and an agent passes them: that is no reason to take them of others.
+#[test]
+fn what_only_the_bridge_needs_is_not_on_the_list_of_a_ground_station() {
+    let mut rig = rig(COMMANDER);
+    send(&mut rig, 0, &heartbeat());
+    let clock = TIMESYNC_DATA::default();
+    send(&mut rig, 0, &MavMessage::TIMESYNC(clock));
+    let ground = TERRAIN_DATA_DATA::default();
+    send(&mut rig, 0, &MavMessage::TERRAIN_DATA(ground));
+    let zoom = command(MavCmd::MAV_CMD_SET_CAMERA_ZOOM, 1, 1.0);
+    send(&mut rig, 0, &zoom);
+    rig.run(0.5);
+    let refused = status(&rig, 0).refused;
+    assert_eq!(refused.get("message not allowed"), 2, "{refused:?}");
+    assert_eq!(refused.get("command not allowed"), 1, "{refused:?}");
+    assert_eq!(status(&rig, 0).taken, 0);
 }
 
 #[test]
