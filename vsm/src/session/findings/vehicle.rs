@@ -190,9 +190,8 @@ impl Arrivals {
     fn packets(&self, mono: Duration) -> Option<Packets> {
         let fresh =
             |at: &Option<Duration>| at.is_some_and(|at| mono.saturating_sub(at) <= NOTHING_FOR);
-        let kinds = self.packets.by_kind().into_iter().zip(&self.packets_last);
-        let mut kinds = kinds.filter(|(_, at)| fresh(at));
-        kinds.next().map(|((kind, _), _)| kind)
+        let mut kinds = self.packets.by_kind().into_iter().zip(&self.packets_last);
+        kinds.find(|(_, at)| fresh(at)).map(|((kind, _), _)| kind)
     }
 }
 

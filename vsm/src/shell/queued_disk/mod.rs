@@ -11,7 +11,7 @@
 //!
 //! A record is first written under a temporary name (`authority-1b000101.json.new-7`); the thread renames it. Until then
 //! the new bytes are read from memory. A start removes what a crash left. Where a full disk has no room for that, the thread
-//! writes a record that no link works without over what is there ([`keeps_its_room`]).
+//! writes a record that no link works without over what is there (`keeps_its_room`).
 //!
 //! If a thread cannot make a file durable, it tries that file again. What depends on the file continues to wait, and
 //! further changes of it are refused: an accepted change takes effect in the end, or never if the process ends; a refused
