@@ -2,7 +2,7 @@
 //! refusal has its reason, that floods of alerts stay bounded, and that active alerts are sent to a CUCS that
 //! connects.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -12,6 +12,9 @@ use crate::bench::station::{Station, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
 use crate::wire::{Draft, Seen};
+
+/// The subsystem of alerts about links and stations.
+pub(super) const COMMS: i64 = 3;
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -54,43 +57,92 @@ fn id_of(seen: &Seen) -> i64 {
 }
 
 /// What an alert is about: its subsystem, and its text without the numbers in it.
-pub(super) fn cause_of(seen: &Seen) -> (Option<i64>, String) {
+type Cause = (Option<i64>, String);
+
+/// What an alert is about.
+pub(super) fn cause_of(seen: &Seen) -> Cause {
     let text = seen.text("Text").unwrap_or_default();
     let words = text.chars().filter(|letter| !letter.is_ascii_digit());
     (seen.raw("Subsystem ID"), words.collect())
 }
 
-/// Alerts that came while the link was up: none of them is about its loss.
-struct Before {
-    /// The ids of those that are active.
-    standing: BTreeSet<i64>,
-    /// What all of them are about.
-    causes: BTreeSet<(Option<i64>, String)>,
-}
+/// Alerts that came before something was caused, by their ids, with what their parts say: none of them is about it.
+#[derive(Default)]
+pub(super) struct Before(BTreeMap<i64, BTreeSet<Cause>>);
 
 impl Before {
+    /// The alerts among these messages, which are in the order of time. One that was cleared meanwhile is not known: it may
+    /// be about an earlier occurrence of the same cause.
+    pub(super) fn of(messages: &[Arc<Seen>]) -> Self {
+        let mut before = Self::default();
+        for seen in messages.iter().filter(|seen| seen.kind() == 16000) {
+            if seen.raw("Priority") == Some(0) {
+                before.0.remove(&id_of(seen));
+            } else {
+                let causes = before.0.entry(id_of(seen)).or_default();
+                causes.insert(cause_of(seen));
+            }
+        }
+        before
+    }
+
     fn has(&self, seen: &Seen) -> bool {
-        self.standing.contains(&id_of(seen)) || self.causes.contains(&cause_of(seen))
+        let cause = cause_of(seen);
+        self.0.contains_key(&id_of(seen)) || self.0.values().any(|known| known.contains(&cause))
+    }
+
+    /// Whether this is an alert of the station's vehicle, or of the VSM itself, that was not there before. An alert that
+    /// is taken for the proof of something has to be such a one.
+    pub(super) fn begins(&self, station: &Station, seen: &Seen) -> bool {
+        let survey = station.bench().survey.get();
+        let elsewhere = survey.is_some_and(|survey| {
+            let mut others = survey.vehicle_ids().filter(|id| *id != station.vehicle);
+            others.any(|id| id == seen.piece.source)
+        });
+        seen.kind() == 16000 && seen.raw("Priority") != Some(0) && !elsewhere && !self.has(seen)
     }
 }
 
-/// The alerts since `mark`, when the link was up. A CUCS that connects is sent the active alerts, by some subjects a
+/// How long to look for alerts that come without any cause: some come every three seconds.
+const CALM: Duration = Duration::from_millis(3_500);
+
+/// The alerts since `mark`, when nothing was caused yet. A CUCS that connects is sent the active alerts, by some subjects a
 /// moment later, and others come every few seconds: hence the pause.
-fn before_the_cut(t: &Trial, station: &Station, mark: usize) -> Judged<Before> {
-    t.pause(Duration::from_millis(3_500))?;
-    let mut before = Before {
-        standing: BTreeSet::new(),
-        causes: BTreeSet::new(),
-    };
-    for seen in station.received(mark, |seen| seen.kind() == 16000) {
-        if seen.raw("Priority") == Some(0) {
-            before.standing.remove(&id_of(&seen));
-        } else {
-            before.standing.insert(id_of(&seen));
-            before.causes.insert(cause_of(&seen));
-        }
-    }
-    Ok(before)
+pub(super) fn before_the_cause(t: &Trial, station: &Station, mark: usize) -> Judged<Before> {
+    t.pause(CALM)?;
+    Ok(Before::of(
+        &station.received(mark, |seen| seen.kind() == 16000),
+    ))
+}
+
+/// Whether an alert is about links and stations: its subsystem says so, or is absent.
+pub(super) fn about_links(seen: &Seen) -> bool {
+    seen.raw("Subsystem ID")
+        .is_none_or(|subsystem| subsystem == COMMS)
+}
+
+/// Whether an alert is a caution or worse.
+pub(super) fn cautions(seen: &Seen) -> bool {
+    seen.raw("Priority").is_some_and(|priority| priority >= 2)
+}
+
+/// How long after the loss of the vehicle the alert about it may come.
+pub(super) const LOSS_REPORTED_WITHIN: Duration = Duration::from_secs(10);
+
+/// The first alert of this kind that has begun since the link was cut, within the time that a loss may take to be reported.
+pub(super) fn loss_alert(
+    t: &Trial,
+    station: &Station,
+    mark: usize,
+    before: &Before,
+    wanted: impl Fn(&Seen) -> bool,
+) -> Judged<Option<Arc<Seen>>> {
+    let found = station.wait(mark, LOSS_REPORTED_WITHIN, |seen| {
+        before.begins(station, seen) && wanted(seen)
+    });
+    // Other alerts of the same cause may follow it.
+    t.pause(Duration::from_millis(300))?;
+    Ok(found)
 }
 
 /// How long an alert about the link has to last to be taken for one that stands as long as its cause.
@@ -108,8 +160,8 @@ fn lasting_alert(
     let mut ended: BTreeSet<i64> = BTreeSet::new();
     let mut of_link = None;
     for _ in 0..3 {
-        let found = super::link::loss_alert(t, station, mark, |seen| {
-            wanted(seen) && !before.has(seen) && !ended.contains(&id_of(seen))
+        let found = loss_alert(t, station, mark, before, |seen| {
+            wanted(seen) && !ended.contains(&id_of(seen))
         })?;
         let Some(found) = found else { break };
         t.pause(LASTS)?;
@@ -123,10 +175,7 @@ fn lasting_alert(
         if !ended.contains(&id_of(&found)) {
             return Ok(found);
         }
-        let about_links = found
-            .raw("Subsystem ID")
-            .is_none_or(|subsystem| subsystem == super::link::COMMS);
-        if about_links {
+        if about_links(&found) {
             of_link.get_or_insert(id_of(&found));
         }
     }
@@ -147,13 +196,12 @@ fn the_end_of_a_cause_clears_its_alert(t: &Trial) -> Judged {
     if let Some(other) = &other {
         t.grant(other, loi::LOI2)?;
     }
-    let before = before_the_cut(t, &station, before)?;
+    let before = before_the_cause(t, &station, before)?;
     let mark = t.bench.net.mark();
     // The alert stays active as long as its cause lasts.
     let raised = cut_and_restored(t, || {
         lasting_alert(t, &station, mark, &before, |seen| {
-            seen.raw("Priority").is_some_and(|priority| priority >= 2)
-                && seen.raw("Type") == Some(1)
+            cautions(seen) && seen.raw("Type") == Some(1)
         })
     })?;
     t.cite(&raised);
@@ -232,30 +280,57 @@ fn the_reference_can_be_asked_for(t: &Trial) -> Judged {
     })
 }
 
+/// The alert with the reason of what `act` has refused: one that has begun with it, and that does not come without it too.
+fn reason_of(
+    t: &Trial,
+    a: &Station,
+    what: &str,
+    act: impl FnOnce() -> Judged,
+) -> Judged<Arc<Seen>> {
+    // What an earlier refusal still brings comes within this time, and is the same as what this one will bring.
+    t.pause(LASTS)?;
+    let before = before_the_cause(t, a, t.bench.net.mark())?;
+    let mark = t.bench.net.mark();
+    act()?;
+    let alert = a.wait(mark, t.timers().answer * 2, |seen| {
+        before.begins(a, seen) && seen.text("Text").is_some_and(|text| !text.is_empty())
+    });
+    let Some(alert) = alert else {
+        return Err(Stop::fail(format!(
+            "expected a 16000 with the reason after {what}; none came but what comes without it too"
+        )));
+    };
+    t.pause(LASTS)?;
+    // A reminder has the id of the alert itself.
+    let later = a.collect(CALM, |seen| seen.kind() == 16000)?;
+    let by_chance = later
+        .iter()
+        .any(|seen| cause_of(seen) == cause_of(&alert) && id_of(seen) != id_of(&alert));
+    t.expect_beside(&alert, !by_chance, || {
+        format!(
+            "expected a 16000 with the reason after {what}; {:?} comes without it too",
+            alert.text("Text").unwrap_or_default()
+        )
+    })?;
+    Ok(alert)
+}
+
 fn a_refusal_has_a_reason(t: &Trial) -> Judged {
     let a = t.controller()?;
-    let mark = t.bench.net.mark();
-    a.send(mode_command(17).acked());
-    let alert = a.wait(mark, t.timers().answer * 2, |seen| {
-        seen.kind() == 16000 && seen.text("Text").is_some_and(|text| !text.is_empty())
-    });
-    t.expect(alert.is_some(), || {
-        "expected a 16000 with the reason after the refusal of mode 17; none came".into()
+    let alert = reason_of(t, &a, "the refusal of mode 17", || {
+        a.send(mode_command(17).acked());
+        Ok(())
     })?;
-    let first = alert.and_then(|seen| seen.text("Text")).unwrap_or_default();
+    let first = alert.text("Text").unwrap_or_default();
     let home = home(t, &a)?;
     let mut gap = Plan::zigzag(&home, "WHY", &[71, 72, 73]);
     gap.points.remove(1);
     let mark = t.bench.net.mark();
-    let found = load(t, &a, &gap)?;
-    if found.status == Some(1) {
-        return Err(Stop::inconclusive("a route with a gap was accepted"));
-    }
-    let alert = a.wait(mark, t.timers().answer * 2, |seen| {
-        seen.kind() == 16000 && seen.text("Text").is_some_and(|text| !text.is_empty())
-    });
-    t.expect(alert.is_some(), || {
-        "expected a 16000 with the reason after the refusal of a route with a gap; none came".into()
+    reason_of(t, &a, "the refusal of a route with a gap", || {
+        match load(t, &a, &gap)?.status {
+            Some(1) => Err(Stop::inconclusive("a route with a gap was accepted")),
+            _ => Ok(()),
+        }
     })?;
     let other = a.received(mark, |seen| {
         seen.kind() == 16000 && seen.text("Text").is_some_and(|text| text != first)
@@ -314,7 +389,7 @@ fn no_storms(t: &Trial) -> Judged {
 fn standing_alerts_reach_the_newcomer(t: &Trial) -> Judged {
     let before = t.bench.net.mark();
     let a = t.monitor()?;
-    let before = before_the_cut(t, &a, before)?;
+    let before = before_the_cause(t, &a, before)?;
     let mark = t.bench.net.mark();
     cut_and_restored(t, || {
         let raised = lasting_alert(t, &a, mark, &before, |seen| seen.raw("Type") == Some(1))
@@ -359,27 +434,40 @@ mod tests {
     use super::*;
     use crate::wire::{Direction, split};
 
-    fn alert(id: i64, subsystem: i64, text: &str) -> Seen {
+    fn alert(id: i64, priority: i64, subsystem: i64, text: &str) -> Arc<Seen> {
         let draft = Draft::new(16000)
             .raw("Alert (Warning) ID", id)
+            .raw("Priority", priority)
             .raw("Subsystem ID", subsystem)
             .text("Text", text.as_bytes());
         let bytes = draft.encode(Id(0x1b00_0101), Id(0x1b00_00a0), 32, 1);
         let piece = split(&bytes).0.remove(0);
-        Seen::new(Duration::ZERO, 0, Direction::Received, 0, piece)
+        Arc::new(Seen::new(Duration::ZERO, 0, Direction::Received, 0, piece))
     }
 
     #[test]
     fn an_alert_that_came_without_the_cause_is_not_about_it() {
-        let known = alert(-7, 2, "cabin light 1 left on");
-        let before = Before {
-            standing: [id_of(&known)].into(),
-            causes: [cause_of(&known)].into(),
-        };
-        assert!(before.has(&alert(7, 2, "another text")));
-        assert!(before.has(&alert(-8, 2, "cabin light 2 left on")));
+        let before = Before::of(&[alert(-7, 2, 2, "cabin light 1 left on")]);
+        assert!(before.has(&alert(7, 2, 2, "another text")));
+        assert!(before.has(&alert(-8, 2, 2, "cabin light 2 left on")));
         // The same subsystem, or the same text, alone is no sign.
-        assert!(!before.has(&alert(-8, 2, "battery at 15 % or less")));
-        assert!(!before.has(&alert(-8, 3, "cabin light 1 left on")));
+        assert!(!before.has(&alert(-8, 2, 2, "battery at 15 % or less")));
+        assert!(!before.has(&alert(-8, 2, 3, "cabin light 1 left on")));
+    }
+
+    #[test]
+    fn an_alert_that_was_cleared_before_the_cause_may_come_with_it() {
+        let before = Before::of(&[
+            alert(-7, 3, 3, "no data from the CUCS"),
+            alert(7, 0, 3, "CUCS in control"),
+        ]);
+        assert!(!before.has(&alert(-8, 3, 3, "no data from the CUCS")));
+    }
+
+    #[test]
+    fn an_alert_about_a_link_is_of_communications() {
+        assert!(about_links(&alert(-1, 2, COMMS, "")));
+        assert!(!about_links(&alert(-1, 2, 9, "")));
+        assert!(cautions(&alert(-1, 2, COMMS, "")) && !cautions(&alert(-1, 1, COMMS, "")));
     }
 }

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use super::alerts::{Before, COMMS, about_links, cautions};
 use super::scene::Scene;
 use crate::bench::flight::{Plan, deliver, download, home, loaded, run_transfer, transfer};
 use crate::bench::station::{Access, Station, authorisation, information_request, loi};
@@ -56,9 +57,6 @@ pub(super) const SCENES: &[Scene] = &[
         play: two_at_once,
     },
 ];
-
-/// The subsystem of alerts about links and stations.
-const COMMS: i64 = 3;
 
 fn granted(seen: &Seen) -> i64 {
     seen.raw("LOI Granted").unwrap_or_default()
@@ -429,10 +427,18 @@ fn no_heartbeats_no_loss(t: &Trial) -> Judged {
 fn silence_after_heartbeats(t: &Trial) -> Judged {
     let a = t.controller()?;
     let b = t.b()?;
+    a.send(Draft::new(16002));
+    t.pause(Duration::from_secs(1))?;
+    // What comes while the holder is there is not about its silence.
+    let calm = t.bench.net.mark();
     for _ in 0..3 {
         a.send(Draft::new(16002));
         t.pause(Duration::from_secs(1))?;
     }
+    let before = Before::of(&a.received(calm, |seen| seen.kind() == 16000));
+    let of_silence = |station: &Station, seen: &Seen| {
+        before.begins(station, seen) && about_links(seen) && cautions(seen)
+    };
     let figures = &t.bench.profile.figures;
     let began = t.bench.net.now();
     let mark = t.bench.net.mark();
@@ -447,10 +453,10 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
     let wait =
         Duration::from_secs_f64(figures.offer_s + 0.6).saturating_sub(t.bench.net.now() - began);
     t.pause(wait)?;
-    let warned = a.received(mark, |seen| seen.kind() == 16000);
+    // A refused request of the other station is an alert too, but not about the silence.
+    let warned = a.received(mark, |seen| of_silence(&a, seen));
     t.expect(!warned.is_empty(), || {
-        "expected a 16000 about the silence of the holder before its control is offered; none came"
-            .into()
+        format!("expected a 16000 of subsystem {COMMS} (communications), caution or worse, about the silence of the holder before its control is offered; none began with it")
     })?;
     let late = b.request(loi::LOI4, Access::Request)?;
     t.expect_of(&late, granted(&late) & loi::LOI4 != 0, || {
@@ -472,9 +478,8 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
     }
     let of = |seen: &Seen| seen.raw("Alert (Warning) ID").unwrap_or_default().abs();
     for raised in a.received(mark, |seen| {
-        seen.kind() == 16000
+        of_silence(&a, seen)
             && seen.raw("Type") == Some(1)
-            && seen.raw("Priority").is_some_and(|priority| priority > 0)
             && seen.raw("Subsystem ID") == Some(COMMS)
     }) {
         let cleared = a.received(mark, |seen| {
@@ -507,12 +512,18 @@ fn silence_after_heartbeats(t: &Trial) -> Judged {
     let taken = last + Duration::from_secs_f64((figures.act_s - 1.0).max(0.0));
     let reported = [&a, &b].into_iter().any(|station| {
         let came = station.received(mark, |seen| {
-            matches!(seen.kind(), 2 | 16000 | 35_000) && seen.at > taken && seen.at < sent.at
+            let says_so = match seen.kind() {
+                // The former holder learns by #2 that it holds LOI 4 no longer.
+                2 => station.id == a.id && granted(seen) & loi::LOI4 == 0,
+                35_000 => seen.raw("Status") != Some(0),
+                _ => of_silence(station, seen),
+            };
+            says_so && seen.at > taken && seen.at < sent.at
         });
         !came.is_empty()
     });
     t.expect(reported, || {
-        format!("expected a word (16000, #2 or 35000) when control was taken {:.0} s after the last heartbeat; none came to either CUCS", figures.act_s)
+        format!("expected a report that control was taken (16000 of subsystem {COMMS}, #2 without LOI 4 to the former holder, or 35000) {:.0} s after the last heartbeat; none came to either CUCS", figures.act_s)
     })
 }
 

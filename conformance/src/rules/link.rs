@@ -6,12 +6,15 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use super::alerts::{
+    Before, COMMS, LOSS_REPORTED_WITHIN, about_links, before_the_cause, cautions, loss_alert,
+};
 use super::scene::Scene;
 use crate::bench::flight::{
     Plan, airborne, fix, fly_until, home, loaded, mode, mode_becomes, mode_command, reported_mode,
     route_head, stretch, transfer,
 };
-use crate::bench::station::{Access, Station, loi};
+use crate::bench::station::{Access, Station, about, loi};
 use crate::bench::trial::Trial;
 use crate::profile::OnLoss;
 use crate::verdict::{Judged, Precondition as _, Stop};
@@ -69,10 +72,13 @@ fn loss_of_the_cucs_is_flown_as_planned(t: &Trial) -> Judged {
     }
     let b = t.b()?;
     b.take(loi::LOI2).precondition("B has LOI 2")?;
+    // What comes while the CUCS is there is not about its loss.
+    let calm = t.bench.net.mark();
     for _ in 0..4 {
         a.send(Draft::new(16002));
         t.pause(Duration::from_secs(1))?;
     }
+    let before = Before::of(&b.received(calm, |seen| seen.kind() == 16000));
     let mark = t.bench.net.mark();
     t.pause(Duration::from_secs_f64(figures.act_s))?;
     let expected = |shown: Option<i64>| match planned {
@@ -113,11 +119,10 @@ fn loss_of_the_cucs_is_flown_as_planned(t: &Trial) -> Judged {
         )
     })?;
     let alerts = b.received(mark, |seen| {
-        seen.kind() == 16000 && seen.raw("Priority").is_some_and(|priority| priority >= 2)
+        before.begins(&b, seen) && about_links(seen) && cautions(seen)
     });
     t.expect(!alerts.is_empty(), || {
-        "expected a 16000 of priority 2 or more about the loss of the CUCS in control; none came"
-            .into()
+        format!("expected a 16000 of subsystem {COMMS} (communications) and priority 2 or more about the loss of the CUCS in control, which began with it; none came")
     })
 }
 
@@ -241,27 +246,6 @@ fn the_state_of_a_link_on_request(t: &Trial) -> Judged {
     Ok(())
 }
 
-/// The subsystem of alerts about links.
-pub(super) const COMMS: i64 = 3;
-
-/// How long after the loss of the vehicle the alert about it may come.
-const LOSS_REPORTED_WITHIN: Duration = Duration::from_secs(10);
-
-/// The first alert of this kind since the link was cut, within the time that a loss may take to be reported.
-pub(super) fn loss_alert(
-    t: &Trial,
-    station: &Station,
-    mark: usize,
-    wanted: impl Fn(&Seen) -> bool,
-) -> Judged<Option<Arc<Seen>>> {
-    let found = station.wait(mark, LOSS_REPORTED_WITHIN, |seen| {
-        seen.kind() == 16000 && wanted(seen)
-    });
-    // Other alerts of the same cause may follow it.
-    t.pause(Duration::from_millis(300))?;
-    Ok(found)
-}
-
 /// Waits until positions of the vehicle come with new stamps, as they do once its link is back; 5 s at most, since
 /// the next rule finds out by itself if they do not.
 pub(super) fn fresh_again(t: &Trial) -> Judged {
@@ -312,24 +296,21 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
     };
     let a = t.launcher().or_else(|_| t.controller())?;
     let b = t.b()?;
+    let before = before_the_cause(t, &a, t.mark)?;
     let running = |seen: Arc<Seen>| seen.raw("Engine Status").unwrap_or_default() != 0;
     let was_running = a.query(3007).is_ok_and(running);
     let mark = t.bench.net.mark();
     crate::means::shell(cut).map_err(Stop::Inconclusive)?;
     let result = (|| {
         // Alerts about something else may come meanwhile.
-        let about_links = |seen: &Seen| {
-            seen.raw("Subsystem ID")
-                .is_none_or(|subsystem| subsystem == COMMS)
-        };
-        let alert = loss_alert(t, &a, mark, about_links)?;
+        let alert = loss_alert(t, &a, mark, &before, about_links)?;
         t.expect(alert.is_some(), || {
             let named: BTreeSet<_> = a
                 .received(mark, |seen| seen.kind() == 16000)
                 .iter()
                 .filter_map(|seen| seen.raw("Subsystem ID"))
                 .collect();
-            format!("expected a 16000 of subsystem {COMMS} (communications) within 10 s of the loss of the vehicle; alerts came of {named:?}")
+            format!("expected a 16000 of subsystem {COMMS} (communications) that begins within 10 s of the loss of the vehicle; alerts came of {named:?}")
         })?;
         if t.bench.flight_released.load(Ordering::SeqCst) && !was_running {
             a.send(
@@ -341,8 +322,7 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
         }
         let sent = a.send(mode_command(12).acked());
         let refused = a.wait(sent.mark, t.timers().answer * 2, |seen| {
-            crate::bench::station::about(seen, 2016, sent.stamp)
-                && seen.raw("Acknowledgement Type") == Some(3)
+            about(seen, 2016, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
         });
         t.expect(refused.is_some(), || {
             "expected 17000 type 3 to a 2016 while the vehicle is silent; it did not come".into()
@@ -392,6 +372,9 @@ fn loss_of_the_vehicle_link_keeps_control(t: &Trial) -> Judged {
 }
 
 fn a_wrong_clock_is_not_ignored_silently(t: &Trial) -> Judged {
+    let calm = t.controller()?;
+    let before = before_the_cause(t, &calm, t.mark)?;
+    calm.release()?;
     let now = t.bench.net.wall_ms() as i64;
     for (what, stamp) in [
         ("five seconds old", now - 5_000),
@@ -409,8 +392,8 @@ fn a_wrong_clock_is_not_ignored_silently(t: &Trial) -> Judged {
                 .acked(),
         );
         let refusal = a.wait(mark, t.timers().answer, |seen| {
-            seen.kind() == 16000
-                || seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(3)
+            before.begins(&a, seen)
+                || about(seen, 2017, stamp) && seen.raw("Acknowledgement Type") == Some(3)
         });
         let carried_out = refusal.is_none() && a.radius_becomes(radius)?;
         t.expect(refusal.is_some() || carried_out, || format!("expected a 2017 with a stamp {what} to be carried out or refused by 17000 type 3 or 16000; nothing came and 3004 does not show it"))?;

@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use super::acknowledgement::carried_out;
+use super::alerts::{about_links, before_the_cause, cautions, loss_alert};
 use super::scene::Scene;
 use crate::bench::flight::{
     Plan, airborne, clear, download, field, fix, hold, home, loaded, mode, mode_becomes,
@@ -656,22 +657,23 @@ fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
     if let Some(other) = &other {
         t.grant(other, loi::LOI2)?;
     }
+    let calm = before_the_cause(t, &station, t.mark)?;
     crate::means::shell(cut).map_err(Stop::Inconclusive)?;
     let mark = t.bench.net.mark();
-    let warned = |seen: &Seen| seen.raw("Priority").is_some_and(|priority| priority >= 2);
+    let warned = |seen: &Seen| cautions(seen) && about_links(seen);
     let result = (|| {
-        let alert = super::link::loss_alert(t, &station, mark, warned)?;
+        let alert = loss_alert(t, &station, mark, &calm, warned)?;
         let stamps = super::link::stamps_of_the_silent(t, &station)?;
         t.expect(stamps.len() <= 1, || {
             format!("expected the stamps of 4000 and 4001 to stop within 10 s of the vehicle's silence; {} different stamps came in 2 s ({:.5} as before the loss)", stamps.len(), before.latitude.to_degrees())
         })?;
         t.expect(alert.is_some(), || {
-            "expected a 16000 (caution or worse) within 10 s of the loss of the vehicle; none came"
+            "expected a 16000 (communications, caution or worse) that begins within 10 s of the loss of the vehicle; none came"
                 .into()
         })?;
         // Every connected CUCS is without data, and has to be alerted.
         if let Some(other) = &other {
-            let informed = other.received(mark, |seen| seen.kind() == 16000 && warned(seen));
+            let informed = other.received(mark, |seen| calm.begins(other, seen) && warned(seen));
             t.expect(!informed.is_empty(), || {
                 format!("expected a 16000 about the loss of the vehicle at {} as well, which has LOI 2; none came", other.id)
             })?;
