@@ -55,7 +55,14 @@ const RULE_TAKES: Duration = Duration::from_secs(4);
 const PATIENCE: u32 = 2;
 /// Rules whose judges of the traffic may miss a message that the network lost. What the others find, the messages that
 /// arrived show.
-const MISSES_WHAT_IS_LOST: &[&str] = &["ALERT-001", "HB-001", "PAYL-007", "STAT-012"];
+const MISSES_WHAT_IS_LOST: &[&str] = &[
+    "ALERT-001",
+    "HB-001",
+    "PAYL-007",
+    "ROUTE-024",
+    "STAT-012",
+    "STAT-018",
+];
 /// Introduces what is said of a subject that was silent in the clean-up of a rule.
 const SILENT_CLEAN_UP: &str = "the subject sent nothing for";
 /// Introduces the fields that a rule read although Edition 2.5 has none for them.

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use stanag_msgs::Id;
 
-use super::view::{Found, Judge, View};
+use super::view::{Ends, Found, Judge, Tally, View, ends};
 use crate::bench::fix::Fix;
 use crate::wire::{Direction, Seen};
 
@@ -61,47 +61,6 @@ pub(super) const JUDGES: &[Judge] = &[
         judge: one_tail_number_at_a_time,
     },
 ];
-
-/// Messages of one kind from one vehicle at one socket belong together.
-type Ends = (u32, usize);
-
-fn ends(seen: &Seen) -> Ends {
-    (seen.piece.source.0, seen.socket)
-}
-
-/// How many observations of one thing were wrong, and the last wrong one.
-#[derive(Default)]
-struct Tally {
-    looks: usize,
-    wrong: usize,
-    last: Option<Arc<Seen>>,
-}
-
-impl Tally {
-    fn look(&mut self, seen: &Arc<Seen>, right: bool) {
-        self.looks += 1;
-        if !right {
-            self.wrong += 1;
-            self.last = Some(seen.clone());
-        }
-    }
-
-    /// Fails where nearly all observations were wrong: single ones are gusts, or two reports of different moments.
-    fn judge(self, found: &mut Found, fewest: usize, reason: &str) {
-        if self.looks < fewest {
-            return;
-        }
-        found.saw();
-        if self.wrong * 5 > self.looks * 4
-            && let Some(last) = &self.last
-        {
-            found.fail(
-                last,
-                format!("{reason} ({} of {} times)", self.wrong, self.looks),
-            );
-        }
-    }
-}
 
 /// 4000 and 3009 report one motion: the bank is to the side of the turn, and climb rate and airspeed agree.
 fn motion_is_reported_alike(view: &View<'_>, found: &mut Found) {

@@ -46,6 +46,10 @@ pub(super) const JUDGES: &[Judge] = &[
         judge: progress_is_between_0_and_100,
     },
     Judge {
+        rule: "ROUTE-024",
+        judge: progress_rises,
+    },
+    Judge {
         rule: "CONF-007",
         judge: limits_make_sense,
     },
@@ -345,6 +349,60 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// Reports in progress that show whether the percentage rises: a subject may report the beginning twice.
+const RISING_BY: usize = 3;
+
+/// A transfer that took its time, and was complete, has reported more than one percentage on its way. Not judged where the
+/// reports came at its beginning only.
+fn progress_rises(view: &View<'_>, found: &mut Found) {
+    let mut open: BTreeMap<(u32, usize, i64), Vec<Arc<Seen>>> = BTreeMap::new();
+    let (mut commands, mut judged) = (view.requests().peekable(), false);
+    for seen in view.once().filter(|seen| seen.kind() == 14000) {
+        while let Some(command) = commands.next_if(|command| command.at <= seen.at) {
+            // Another command begins another transfer, or is a repetition: then less is judged.
+            if command.kind() == 13000 {
+                open.retain(|known, _| known.1 != command.socket);
+            }
+        }
+        let (Some(status), Some(mode)) = (seen.raw("Status"), seen.raw("Mission Plan Mode")) else {
+            continue;
+        };
+        let key = (seen.piece.destination.0, seen.socket, mode);
+        if status == 0 {
+            open.entry(key).or_default().push(seen.clone());
+            continue;
+        }
+        let Some(reports) = open.remove(&key).filter(|_| status == 1) else {
+            continue;
+        };
+        let (Some(first), Some(last)) = (reports.first(), reports.last()) else {
+            continue;
+        };
+        let took = seen.at.saturating_sub(first.at);
+        let reported = last.at.saturating_sub(first.at);
+        if reports.len() < RISING_BY || reported * 2 < took {
+            continue;
+        }
+        judged = true;
+        let percent = first.raw("Percent Complete");
+        let rises = reports
+            .iter()
+            .any(|report| report.raw("Percent Complete") != percent);
+        found.check(seen, rises || percent.is_none(), || {
+            format!(
+                "expected Percent Complete of 14000 to rise on the way; all {} reports in {:.1} s of a transfer have {percent:?}",
+                reports.len(),
+                took.as_secs_f64()
+            )
+        });
+    }
+    if !judged {
+        found.missed(format!(
+            "no transfer with {RISING_BY} or more reports in progress through most of its time"
+        ));
+    }
+}
+
 fn limits_make_sense(view: &View<'_>, found: &mut Found) {
     for seen in view
         .messages()
@@ -432,5 +490,42 @@ fn generic_lists_are_not_altered(view: &View<'_>, found: &mut Found) {
         found.check(seen, generic.is_none() || text.is_empty() || !counted, || {
             format!("expected 41002 to describe vehicle-specific values only; index {index} of field {field} of message {message} is generic ({}) and described as {text:?}", generic.unwrap_or_default())
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::passive::view::trace::{received, sent};
+    use crate::passive::view::verdict_on;
+    use crate::verdict::Verdict;
+    use crate::wire::Draft;
+
+    /// A load whose reports in progress come at these times, in ms, with these percentages, and that is complete after 1 s.
+    fn load(reports: &[(u64, i64)]) -> Verdict {
+        let report = |status: i64, percent: i64| {
+            Draft::new(14000)
+                .raw("Status", status)
+                .raw("Percent Complete", percent)
+                .raw("Mission Plan Mode", 2)
+        };
+        let command = Draft::new(13000).raw("Mission Plan Mode", 2);
+        let mut run = vec![sent(100, command)];
+        run.extend(
+            (reports.iter()).map(|&(at_ms, percent)| received(at_ms + 200, report(0, percent))),
+        );
+        run.push(received(1_200, report(1, 100)));
+        verdict_on(&run, progress_rises)
+    }
+
+    #[test]
+    fn progress_is_made_on_the_way() {
+        assert_eq!(load(&[(0, 0), (300, 40), (700, 80)]), Verdict::Pass);
+        assert_eq!(load(&[(0, 0), (300, 0), (700, 0)]), Verdict::Fail);
+        assert_eq!(load(&[(0, 100), (300, 100), (700, 100)]), Verdict::Fail);
+        // Too few, or at the beginning only: a subject that reports seldom is not judged.
+        assert_eq!(load(&[(0, 0), (700, 0)]), Verdict::Inconclusive);
+        assert_eq!(load(&[(0, 0), (10, 0), (20, 0)]), Verdict::Inconclusive);
+        assert_eq!(load(&[]), Verdict::Inconclusive);
     }
 }

@@ -5,10 +5,12 @@
 //! the methods of [`Found`], and name it in that file's `JUDGES`.
 
 mod agreement;
+mod condition;
 mod dialogue;
 mod ed25;
 mod endurance;
 mod meaning;
+mod motion;
 mod station;
 mod values;
 mod view;
@@ -31,6 +33,8 @@ pub fn judges() -> Vec<&'static Judge> {
         meaning::JUDGES,
         dialogue::JUDGES,
         agreement::JUDGES,
+        motion::JUDGES,
+        condition::JUDGES,
     ]
     .into_iter()
     .flatten()
@@ -75,6 +79,26 @@ impl Applied {
     }
 }
 
+/// Whether the judges of a rule found anything to judge in this traffic of a VSM, and what each of them did not: for a
+/// scene that makes traffic for them.
+#[must_use]
+pub fn looked_at(rule: &str, view: &View<'_>) -> (bool, Vec<String>) {
+    let (mut any, mut missing) = (false, Vec::new());
+    let judges = judges_of(&view.profile.subject.edition, Subject::Vsm);
+    for applied in judges.iter().filter(|one| one.judge.rule == rule) {
+        let view = View {
+            as_they_are: applied.as_they_are,
+            ..*view
+        };
+        let mut found = Found::default();
+        (applied.judge.judge)(&view, &mut found);
+        let (looked, missed) = found.looked();
+        any |= looked;
+        missing.extend_from_slice(missed);
+    }
+    (any, missing)
+}
+
 /// All judges for the traffic of a VSM, or of a CUCS, in an edition.
 #[must_use]
 pub fn judges_of(edition: &str, subject: Subject) -> Vec<Applied> {
@@ -86,7 +110,8 @@ pub fn judges_of(edition: &str, subject: Subject) -> Vec<Applied> {
     }
     let own = ed25::JUDGES.iter().map(|judge| applied(judge, true));
     // A dialogue is judged from the side that answers: the VSM's.
-    let of_vsms = dialogue::JUDGES.iter().filter(|_| !of_cucs);
+    let of_vsms = [dialogue::JUDGES, motion::JUDGES];
+    let of_vsms = of_vsms.into_iter().flatten().filter(|_| !of_cucs);
     let of_both = [wrapper::JUDGES, values::JUDGES, meaning::JUDGES];
     let shared = of_both.into_iter().flatten().chain(of_vsms);
     let shared = shared.filter_map(|judge| {

@@ -111,10 +111,65 @@ impl<'a> View<'a> {
     }
 }
 
+/// Messages of one kind from one vehicle at one socket belong together.
+pub(super) type Ends = (u32, usize);
+
+pub(super) fn ends(seen: &Seen) -> Ends {
+    (seen.piece.source.0, seen.socket)
+}
+
+/// How many observations of one thing were wrong, and the last wrong one.
+#[derive(Default)]
+pub(super) struct Tally {
+    looks: usize,
+    wrong: usize,
+    last: Option<Arc<Seen>>,
+}
+
+impl Tally {
+    pub(super) fn look(&mut self, seen: &Arc<Seen>, right: bool) {
+        self.looks += 1;
+        if !right {
+            self.wrong += 1;
+            self.last = Some(seen.clone());
+        }
+    }
+
+    /// Fails where nearly all observations were wrong: single ones are gusts, or two reports of different moments. False
+    /// where there were too few to judge.
+    pub(super) fn judge(self, found: &mut Found, fewest: usize, reason: &str) -> bool {
+        self.judge_by(found, fewest, 8, reason)
+    }
+
+    /// The same where more than so many of ten observations have to be wrong.
+    pub(super) fn judge_by(
+        self,
+        found: &mut Found,
+        fewest: usize,
+        tenths: usize,
+        reason: &str,
+    ) -> bool {
+        if self.looks < fewest {
+            return false;
+        }
+        found.saw();
+        if self.wrong * 10 > self.looks * tenths
+            && let Some(last) = &self.last
+        {
+            found.fail(
+                last,
+                format!("{reason} ({} of {} times)", self.wrong, self.looks),
+            );
+        }
+        true
+    }
+}
+
 /// What a judge found.
 #[derive(Debug, Default)]
 pub struct Found {
     seen: usize,
+    missing: Vec<String>,
     fails: Vec<(String, Option<Arc<Seen>>)>,
     warnings: Vec<(String, Option<Arc<Seen>>)>,
 }
@@ -123,6 +178,18 @@ impl Found {
     /// Notes that something which the rule is about occurred.
     pub fn saw(&mut self) {
         self.seen += 1;
+    }
+
+    /// Notes what could not be judged, and why: too little of it occurred, or too weakly.
+    pub fn missed(&mut self, what: impl Into<String>) {
+        self.missing.push(what.into());
+    }
+
+    /// Whether anything was judged, and what was not.
+    #[must_use]
+    pub fn looked(&self) -> (bool, &[String]) {
+        let any = self.seen > 0 || !self.fails.is_empty() || !self.warnings.is_empty();
+        (any, &self.missing)
     }
 
     /// The rule is broken, as this message shows.
@@ -165,13 +232,13 @@ impl Found {
         } else if self.seen > 0 {
             return (Judgement::pass(), Vec::new());
         } else {
-            return (
-                Judgement::new(
-                    Verdict::Inconclusive,
-                    "not seen: nothing that this rule is about occurred in the traffic",
-                ),
-                Vec::new(),
-            );
+            let reason = if self.missing.is_empty() {
+                "nothing that this rule is about occurred in the traffic".to_owned()
+            } else {
+                self.missing.join("; ")
+            };
+            let reason = format!("not seen: {reason}");
+            return (Judgement::new(Verdict::Inconclusive, reason), Vec::new());
         };
         let more = if found.len() > 1 {
             format!(" (and {} more)", found.len() - 1)
@@ -195,6 +262,57 @@ impl Found {
             .take(5)
             .collect();
         (Judgement::new(verdict, reason), evidence)
+    }
+}
+
+/// Messages of a vehicle and of a CUCS for the tests of judges. The time stamp is the time, where a draft has none.
+#[cfg(test)]
+pub(super) mod trace {
+    use std::time::Duration;
+
+    use stanag_msgs::Id;
+
+    use crate::bench::net::Datagram;
+    use crate::wire::{Direction, Draft};
+
+    const VEHICLE: Id = Id(0x1b00_0101);
+    const CUCS: Id = Id(0x1b00_00a0);
+
+    /// A message that the subject sent: the vehicle, unless `draft` names another source.
+    pub(in crate::passive) fn received(at_ms: u64, draft: Draft) -> Datagram {
+        datagram(at_ms, Direction::Received, draft, (VEHICLE, CUCS))
+    }
+
+    /// A message that the subject was sent, by the CUCS unless `draft` names another source.
+    pub(in crate::passive) fn sent(at_ms: u64, draft: Draft) -> Datagram {
+        datagram(at_ms, Direction::Sent, draft, (CUCS, VEHICLE))
+    }
+
+    /// A message of a CUCS that is the subject.
+    pub(in crate::passive) fn of_cucs(at_ms: u64, draft: Draft) -> Datagram {
+        datagram(at_ms, Direction::Received, draft, (CUCS, VEHICLE))
+    }
+
+    /// A message of the vehicle to a CUCS that is the subject.
+    pub(in crate::passive) fn to_cucs(at_ms: u64, draft: Draft) -> Datagram {
+        datagram(at_ms, Direction::Sent, draft, (VEHICLE, CUCS))
+    }
+
+    fn datagram(
+        at_ms: u64,
+        direction: Direction,
+        draft: Draft,
+        (source, destination): (Id, Id),
+    ) -> Datagram {
+        let draft = if draft.has("Time Stamp") {
+            draft
+        } else {
+            draft.raw("Time Stamp", at_ms as i64)
+        };
+        let at = Duration::from_millis(at_ms);
+        let ends = (([127, 0, 0, 1], 1).into(), ([127, 0, 0, 1], 2).into());
+        let bytes = draft.encode(source, destination, 32, 1);
+        Datagram::new((at, at), direction, 0, ends, bytes, None)
     }
 }
 

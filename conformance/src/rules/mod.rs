@@ -8,6 +8,7 @@ mod acknowledgement;
 mod agreement;
 mod alerts;
 mod authority;
+mod condition;
 mod configuration;
 mod curves;
 mod discovery;
@@ -51,6 +52,7 @@ pub fn scenes() -> Vec<&'static Scene> {
         maneuver::SCENES,
         steering::SCENES,
         status::SCENES,
+        condition::SCENES,
         vehicles::SCENES,
         configuration::SCENES,
         alerts::SCENES,

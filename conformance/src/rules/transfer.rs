@@ -1,6 +1,7 @@
 //! ROUTE on the ground, continued: downloads of single waypoints, clearing, cancelling, and what 14000 reports about
 //! a transfer.
 
+use super::condition::judged_by_traffic;
 use super::mission::{aboard, with_plan};
 use super::scene::Scene;
 use crate::bench::flight::{
@@ -26,6 +27,10 @@ pub(super) const SCENES: &[Scene] = &[
     Scene {
         rule: "ROUTE-012",
         play: progress_ends,
+    },
+    Scene {
+        rule: "ROUTE-024",
+        play: progress_is_made_on_the_way,
     },
     Scene {
         rule: "ROUTE-020",
@@ -242,6 +247,13 @@ fn progress_ends(t: &Trial) -> Judged {
         })?;
     }
     Ok(())
+}
+
+fn progress_is_made_on_the_way(t: &Trial) -> Judged {
+    // So many waypoints that the transfer takes its time.
+    let (a, plan) = with_plan(t, &(1..=100).collect::<Vec<i64>>())?;
+    download(t, &a, &plan.mission)?;
+    judged_by_traffic(t, "ROUTE-024")
 }
 
 fn status_echoes_what_it_is_about(t: &Trial) -> Judged {

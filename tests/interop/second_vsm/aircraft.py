@@ -22,6 +22,8 @@ RETURN_HEIGHT_M, CLIMB_AWAY_M, LAUNCH_HEIGHT_M = 30.0, 30.0, 30.0
 ENDURANCE_S = 7200.0
 GRAVITY = 9.81
 STICK_SPEED, STICK_TIMEOUT_S = 10.0, 1.0
+# How long roll and pitch take to follow, and the pitch that a metre per second through the air takes.
+TILT_S, DRAG_RAD = 0.5, 0.008
 
 
 @dataclass
@@ -97,7 +99,7 @@ class Aircraft:
     def __post_init__(self):
         self.place, self.altitude = self.home, self.ground
         self.north = self.east = self.up = 0.0
-        self.turn_rate = self.roll = 0.0
+        self._stand()
         self.mode = IDLE
         self.time = 0.0
         self.battery = 100.0
@@ -213,6 +215,7 @@ class Aircraft:
         self.time += dt
         if self.mode == IDLE and not self.height > 0:
             self.north = self.east = self.up = 0.0
+            self._stand()
             return
         self.battery = max(0.0, self.battery - 100 * dt / ENDURANCE_S)
         before = self.heading
@@ -220,10 +223,13 @@ class Aircraft:
             north, east, up = self.north * 0.9, self.east * 0.9, -12.0
         else:
             north, east, up = self._wanted(dt)
+        was = self.north, self.east, self.up
         self._accelerate(north, east, up, dt)
+        self.acceleration = tuple((now - then) / dt for now, then in zip((self.north, self.east, self.up), was))
         self.place = moved(self.place, self.north * dt, self.east * dt)
         self.altitude += self.up * dt
         self._turn(dt, before)
+        self._tilt(dt)
         if self.altitude <= self.ground and self.mode not in (LAUNCH, CLIMB_AWAY):
             self._touch_down()
 
@@ -360,13 +366,27 @@ class Aircraft:
         if self.mode not in (STEER, MANUAL) and math.hypot(self.north, self.east) > 0.5:
             self.heading = math.atan2(self.east, self.north)
         self.turn_rate = wrap_angle(self.heading - before) / dt if dt else 0.0
-        self.roll = clamp(math.atan(math.hypot(self.north, self.east) * self.turn_rate / GRAVITY), -0.6, 0.6)
+
+    def _tilt(self, dt):
+        """Right wing down in a turn to the right, nose down to fly faster forward; both follow with a delay."""
+        north, east, _ = self.acceleration
+        forward = north * math.cos(self.heading) + east * math.sin(self.heading)
+        roll = clamp(math.atan(self.ground_speed * self.turn_rate / GRAVITY), -0.6, 0.6)
+        pitch = -math.atan(forward / GRAVITY) - DRAG_RAD * self.airspeed()
+        share = min(1.0, dt / TILT_S)
+        self.roll_rate, self.pitch_rate = (roll - self.roll) * share / dt, (pitch - self.pitch) * share / dt
+        self.roll += self.roll_rate * dt
+        self.pitch += self.pitch_rate * dt
+
+    def _stand(self):
+        self.acceleration = 0.0, 0.0, 0.0
+        self.turn_rate = self.roll = self.pitch = self.roll_rate = self.pitch_rate = 0.0
 
     def _touch_down(self):
         self.altitude = self.ground
         self.north = self.east = self.up = 0.0
         self.mode = IDLE
-        self.turn_rate = self.roll = 0.0
+        self._stand()
         self.engines = [Engine() for _ in self.engines]
 
     # What it reports of its way

@@ -15,12 +15,13 @@ from .faults_of_agreement import OF_AGREEMENT
 from .faults_of_cause import OF_CAUSE
 from .faults_of_memory import OF_MEMORY
 from .faults_of_practice import OF_PRACTICE
+from .faults_of_state import OF_STATE
 from .mutants import MUTANTS
 from .variants import VARIANTS
 from .vsm import Vsm
 from .wire import parse_id, show_id
 
-FAULTS = MUTANTS | BY_RULE | IN_DETAIL | IN_CORNERS | OF_MEMORY | OF_AGREEMENT | OF_PRACTICE | OF_CAUSE
+FAULTS = MUTANTS | BY_RULE | IN_DETAIL | IN_CORNERS | OF_MEMORY | OF_AGREEMENT | OF_PRACTICE | OF_CAUSE | OF_STATE
 # Options without which a fault does not show.
 CIRCUMSTANCES = {"V56": ["--no-fix"], "DISC-005": ["--no-link"], "LINK-005": ["--on-loss", "hold"],
                  **dict.fromkeys(("MODE-008", "MODE-008z", "STAT-007z2"), ["--wind=8,0"])}

@@ -110,8 +110,9 @@ def air_and_ground(v, _cucs, _mask):
 def body(v, _cucs, _mask):
     """3010"""
     a = v.aircraft
-    return [{"X_Body_Accel": 0, "Y_Body_Accel": 0, "Z_Body_Accel": round(-GRAVITY / 0.005), "Roll_Rate": 0, "Pitch_Rate": 0,
-             "Yaw_Rate": int(clamp(a.turn_rate / TURN_RATE_STEP, -32768, 32767))}]
+    return [{"X_Body_Accel": 0, "Y_Body_Accel": 0, "Z_Body_Accel": round(-GRAVITY / 0.005),
+             **{f"{name}_Rate": int(clamp(rate / TURN_RATE_STEP, -32768, 32767))
+                for name, rate in (("Roll", a.roll_rate), ("Pitch", a.pitch_rate), ("Yaw", a.turn_rate))}}]
 
 
 def inertial(v, _cucs, _mask):
@@ -119,9 +120,16 @@ def inertial(v, _cucs, _mask):
     a = v.aircraft
     position = {"Latitude": to_bam(a.place[0], 32), "Longitude": to_bam(a.place[1], 32)} if a.fix else v.unknown_position()
     altitude = {"Altitude": v.reported_altitude(a.altitude), "Altitude Type": v.altitude_type()} if a.fix else {}
-    return [{**position, **altitude, "U_Speed": fine(a.north), "V_Speed": fine(a.east), "W_Speed": v.down_speed(a.up), "U_Accel": 0, "V_Accel": 0,
-             "W_Accel": 0, "Roll": to_bam(a.roll, 16), "Pitch": 0, "Heading": to_bam(v.reported_heading(a.heading), 16), "Roll Rate": 0,
-             "Pitch Rate": 0, "Turn Rate": round(a.turn_rate / 0.005), "Magnetic Variation": to_bam(a.variation, 16)}]
+    return [{**position, **altitude, "U_Speed": fine(a.north), "V_Speed": fine(a.east), "W_Speed": v.down_speed(a.up),
+             "U_Accel": coarse(a.acceleration[0]), "V_Accel": coarse(a.acceleration[1]), "W_Accel": coarse(-a.acceleration[2]),
+             "Roll": to_bam(a.roll, 16), "Pitch": to_bam(a.pitch, 16), "Heading": to_bam(v.reported_heading(a.heading), 16),
+             "Roll Rate": coarse(a.roll_rate), "Pitch Rate": coarse(a.pitch_rate), "Turn Rate": coarse(a.turn_rate),
+             "Magnetic Variation": to_bam(a.variation, 16)}]
+
+
+def coarse(value):
+    """An acceleration or a rate of 4000, in steps of 0.005."""
+    return int(clamp(round(value / 0.005), -32768, 32767))
 
 
 def waypoints(v, _cucs, _mask):
