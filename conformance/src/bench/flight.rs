@@ -15,6 +15,8 @@ use crate::wire::{Draft, Seen};
 
 /// Flight modes that the rules use.
 pub mod mode {
+    /// Is flown by sticks.
+    pub const DIRECTOR: i64 = 2;
     /// Flies the loaded route.
     pub const WAYPOINT: i64 = 11;
     /// Loiters.

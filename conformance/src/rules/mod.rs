@@ -27,6 +27,7 @@ mod scalar;
 mod scene;
 mod status;
 mod steering;
+mod sticks;
 mod transfer;
 mod vehicles;
 mod wrapper;
@@ -51,6 +52,7 @@ pub fn scenes() -> Vec<&'static Scene> {
         flight::SCENES,
         maneuver::SCENES,
         steering::SCENES,
+        sticks::SCENES,
         status::SCENES,
         condition::SCENES,
         vehicles::SCENES,

@@ -1,11 +1,13 @@
-"""Faults in what is reported of the vehicle beside its place: the signs of rates and accelerations, its state, its
-engines, the progress of its transfers.
+"""Faults in what is reported of the vehicle beside its place: the signs of rates and accelerations, its state, its engines; and in what
+its sticks do.
 
 The id of a fault is that of the rule that has to fail, with `n` and a number where there are several.
 """
-from .change import table
+from . import aircraft as flight
+from .change import each, table
 from .faults_by_rule import change_reports
 from .mission import IN_PROGRESS
+from .steering import DONE
 
 OF_STATE, _entry = table()
 
@@ -64,3 +66,30 @@ def _(vsm):
         last[fields["Engine Number"]] = speed
         return fields | {"Engine Speed 1": speed}
     change_reports(vsm, 3007, alter)
+
+
+# Sticks
+
+@fault("MODE-017n", "2010 is taken, and moves nothing")
+def _(vsm):
+    each(vsm, "steering", "move_sticks", lambda old: lambda fields: DONE)
+
+
+def stick_inverted(name):
+    def build(vsm):
+        each(vsm, "steering", "move_sticks", lambda old: lambda fields: old(inverted(name)(fields)))
+    return build
+
+
+fault("MODE-017n2", "the Lateral Stick of 2010 is positive to the left")(stick_inverted("Lateral Stick"))
+fault("MODE-017n3", "the Longitudinal Stick of 2010 is positive backward")(stick_inverted("Longitudinal Stick"))
+fault("MODE-017n4", "the Rotational Stick of 2010 is positive to the left")(stick_inverted("Rotational Stick (Rudder)"))
+
+
+@fault("MODE-017n5", "of the sticks of 2010 the last deflection stays when they are centred")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        def move(fields, v=vehicle, lawful=vehicle.steering.move_sticks):
+            moved = any(fields.get(name) for name in ("Lateral Stick", "Longitudinal Stick", "Rotational Stick (Rudder)"))
+            return lawful(fields) if moved or v.aircraft.mode != flight.MANUAL else DONE
+        vehicle.steering.move_sticks = move
