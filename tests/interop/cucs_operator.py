@@ -18,6 +18,8 @@ WARNING, CAUTION, UPDATED = "FIRST WARNING", "A CAUTION", "NOW A WARNING"
 UNAVAILABLE = {16, 17, 22}
 # Where the scripted vehicle is, in rad, and five degrees away from it.
 LATITUDE, NEAR = 0.679, 0.02
+# A route there, at the vehicle's altitude.
+UPLOAD = "upload:38.9,-77.06,120"
 
 
 def texts(picture):
@@ -41,8 +43,8 @@ EYES = {
     "alert-removed": ("show", lambda p: texts(p) == [UPDATED]),
     "low-energy": ("show", lambda p: any("warning" in warning for warning in p["warnings"])),
     "position-lost": ("show", lambda p: near(p) and not p["fresh"]),
-    "upload-stuck": ("upload:38.9,-77.06", lambda p: p["mission"] == "loaded"),
-    "upload-rejected": ("upload:38.9,-77.06", lambda p: p["mission"] == "loaded"),
+    "upload-stuck": (UPLOAD, lambda p: p["mission"] == "loaded"),
+    "upload-rejected": (UPLOAD, lambda p: p["mission"] == "loaded"),
     "not-in-control": ("show", in_control),
     "still-in-control": ("show", in_control),
     "damaged-grant": ("show", lambda p: in_control(p) or p["position"] is not None and not near(p)),
@@ -52,7 +54,7 @@ EYES = {
 # What the CUCS itself is ordered to do. What a scenario does not grant is left out by a lawful station.
 ORDERS = {
     "search": ["discover"], "take": ["discover", "take:4", "station:1"], "take-again": ["take:4"], "station": ["discover", "station:1"],
-    "configure": ["configure"], "upload": ["upload:38.9,-77.06"], "radius": ["radius:180"], "mode": ["mode:12"],
+    "configure": ["configure"], "upload": [UPLOAD], "radius": ["radius:180"], "mode": ["mode:12"],
     "try-commands": ["radius:180", "mode:12"], "refuse": ["refuse"], "release": ["release"],
 }
 

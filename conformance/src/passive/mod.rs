@@ -11,6 +11,7 @@ mod ed25;
 mod endurance;
 mod meaning;
 mod motion;
+mod places;
 mod station;
 mod values;
 mod view;
@@ -41,7 +42,7 @@ pub fn judges() -> Vec<&'static Judge> {
     .collect()
 }
 
-/// All judges of a CUCS: those of `station` and `endurance`, and those of the wire.
+/// All judges of a CUCS: those of `station`, `places` and `endurance`, and those of the wire.
 #[must_use]
 pub fn cucs_judges() -> Vec<&'static Judge> {
     [
@@ -49,6 +50,7 @@ pub fn cucs_judges() -> Vec<&'static Judge> {
         values::JUDGES,
         meaning::JUDGES,
         station::JUDGES,
+        places::JUDGES,
         endurance::JUDGES,
     ]
     .into_iter()
@@ -119,7 +121,7 @@ pub fn judges_of(edition: &str, subject: Subject) -> Vec<Applied> {
         let wanted = as_they_are || ed25::SHARED.contains(&judge.rule);
         wanted.then(|| applied(judge, as_they_are))
     });
-    let of_stations = [station::JUDGES, endurance::JUDGES];
+    let of_stations = [station::JUDGES, places::JUDGES, endurance::JUDGES];
     let of_stations = of_stations.into_iter().flatten().filter(|_| of_cucs);
     own.chain(shared)
         .chain(of_stations.map(|judge| applied(judge, false)))

@@ -3,8 +3,9 @@
 //!
 //! Signs only, and only where both sides are clearly above noise: the resolution of a field, a gust, or two samples of
 //! different moments show either sign. A fail needs nine of ten observations: of pure noise half are wrong, and of sixteen
-//! such observations fifteen are by chance once in 4,000 times. Too few of them are no pass. Times are the vehicle's own: a simulation that is ten times faster turns ten times as far
-//! between two reports, and what happened between them is not known.
+//! such observations fifteen are by chance once in 4,000 times. Too few of them are no pass. Times are the vehicle's own:
+//! a simulation that is ten times faster turns ten times as far between two reports, and what happened between them is
+//! not known.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -469,7 +470,7 @@ mod tests {
             heading = wrapped(heading + turn * dt);
             let pitch_rate = (-(pushed / 9.81).atan() - pitch) / 0.3;
             pitch += pitch_rate * dt;
-            if at_ms % every_ms != 0 {
+            if !at_ms.is_multiple_of(every_ms) {
                 continue;
             }
             let mut draft = Draft::new(4000)

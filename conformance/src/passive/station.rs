@@ -56,12 +56,12 @@ pub(super) const JUDGES: &[Judge] = &[
         judge: repeats_with_the_same_stamp,
     },
     Judge {
-        rule: "ACK-008",
-        judge: acknowledges_to_whom_it_may_concern,
+        rule: "ACK-009",
+        judge: commands_once,
     },
     Judge {
-        rule: "SCALAR-003",
-        judge: waypoints_in_the_west,
+        rule: "ACK-008",
+        judge: acknowledges_to_whom_it_may_concern,
     },
     Judge {
         rule: "WRAP-016",
@@ -385,14 +385,15 @@ fn sends_whole_routes(view: &View<'_>, found: &mut Found) {
     }
 }
 
-/// Whether 44003 had marked this mode as not available for at least half a second; a later 44003 may give it back.
-fn unavailable(view: &View<'_>, mode: i64, at: f64) -> bool {
+/// Whether 44003 had marked this value of a field as not available for at least half a second; a later 44003 may give it
+/// back.
+fn unavailable(view: &View<'_>, (message, field): (i64, i64), value: i64, at: f64) -> bool {
     view.requests()
         .filter(|seen| {
             seen.kind() == 44_003
-                && seen.raw("Reported Message") == Some(2016)
-                && seen.raw("Reported Field") == Some(2)
-                && seen.raw("Reported Enumerated Index") == Some(mode)
+                && seen.raw("Reported Message") == Some(message)
+                && seen.raw("Reported Field") == Some(field)
+                && seen.raw("Reported Enumerated Index") == Some(value)
                 && seen.at.as_secs_f64() + 0.5 < at
         })
         .filter_map(|seen| seen.raw("Enumerated Index Enable"))
@@ -401,17 +402,34 @@ fn unavailable(view: &View<'_>, mode: i64, at: f64) -> bool {
 }
 
 fn only_what_is_available(view: &View<'_>, found: &mut Found) {
-    if !view.requests().any(|seen| seen.kind() == 44_003) {
-        return;
-    }
-    for seen in view.messages().filter(|seen| seen.kind() == 2016) {
-        let Some(mode) = seen.raw("Select Flight Path Control Mode") else {
-            continue;
-        };
-        let barred = unavailable(view, mode, seen.at.as_secs_f64());
-        found.check(seen, !barred, || {
-            format!("expected no mode that 44003 marks as unavailable; 2016 with mode {mode} came")
-        });
+    let enumerated: BTreeSet<(i64, i64)> = view
+        .requests()
+        .filter(|seen| seen.kind() == 44_003 && seen.has("Reported Enumerated Index"))
+        .filter_map(|seen| Some((seen.raw("Reported Message")?, seen.raw("Reported Field")?)))
+        .collect();
+    for (message, number) in enumerated {
+        // Fields are counted from 1, the time stamp being the first; 0 is the whole message.
+        let field = u16::try_from(message)
+            .ok()
+            .and_then(stanag_msgs::table::message)
+            .and_then(|info| info.fields.get(usize::try_from(number - 1).ok()?));
+        let Some(field) = field else { continue };
+        for seen in view
+            .messages()
+            .filter(|seen| i64::from(seen.kind()) == message)
+        {
+            let Some(value) = seen.raw(field.name) else {
+                continue;
+            };
+            let at = seen.at.as_secs_f64();
+            let barred = unavailable(view, (message, number), value, at);
+            found.check(seen, !barred, || {
+                format!(
+                    "expected no value that 44003 marks as unavailable; {message} with {} {value} came",
+                    field.name
+                )
+            });
+        }
     }
 }
 
@@ -531,6 +549,28 @@ fn acknowledges_when_asked(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// A command with new content or a new stamp after this is a new one, s.
+const REPEATED_WITHIN_S: f64 = 12.0;
+/// The same bytes again this much later are a repetition, not a copy that the network or a second interface made, s.
+const REPEATED_AFTER_S: f64 = 0.2;
+
+/// A command that was sent last with this content.
+struct Command {
+    at: f64,
+    stamp: i64,
+    /// Whether the same bytes were sent again.
+    repeated: bool,
+}
+
+/// Presence vector, and everything but the time stamp.
+fn content(seen: &Seen) -> Vec<u8> {
+    let vector = seen.info.map_or(0, |info| usize::from(info.presence_bytes));
+    let data = &seen.piece.data;
+    let mut content = data.get(..vector).unwrap_or_default().to_vec();
+    content.extend_from_slice(data.get(vector + 5..).unwrap_or_default());
+    content
+}
+
 fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
     // Compared without the stamp: the same content with another stamp, while nothing had acknowledged the first, is a
     // repetition made wrong.
@@ -543,23 +583,35 @@ fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
         .datagrams
         .last()
         .map_or(0.0, |datagram| datagram.at.as_secs_f64());
-    let mut open: BTreeMap<(u16, Vec<u8>), (f64, i64)> = BTreeMap::new();
+    let mut open: BTreeMap<(u16, Vec<u8>), Command> = BTreeMap::new();
     let mut times: BTreeMap<Vec<u8>, (usize, Arc<Seen>)> = BTreeMap::new();
     for seen in view
         .messages()
         .filter(|seen| seen.piece.ack() && matches!(seen.kind(), 2000..=2999))
     {
         let Some(stamp) = seen.stamp() else { continue };
-        let width = seen.info.map_or(0, |info| usize::from(info.presence_bytes)) + 5;
-        let content = seen.piece.data.get(width..).unwrap_or_default().to_vec();
         let at = seen.at.as_secs_f64();
-        if let Some(&(before, first)) = open.get(&(seen.kind(), content.clone()))
-            && at - before < 5.0
-            && !acknowledged.contains(&first)
-        {
-            found.check(seen, stamp == first, || format!("expected the repetition of an unacknowledged {} to have the same stamp; {first} became {stamp}", seen.kind()));
+        let command = open.entry((seen.kind(), content(seen))).or_insert(Command {
+            at,
+            stamp,
+            repeated: false,
+        });
+        if stamp == command.stamp {
+            found.saw();
+            command.repeated |= at - command.at > REPEATED_AFTER_S;
+        } else {
+            // Once the same bytes came again, and brought nothing, the operator may command it once more.
+            let again = !command.repeated
+                && at - command.at < REPEATED_WITHIN_S
+                && !acknowledged.contains(&command.stamp);
+            let first = command.stamp;
+            found.check(seen, !again, || format!("expected the repetition of an unacknowledged {} to have the same stamp; {first} became {stamp}", seen.kind()));
+            *command = Command {
+                at,
+                stamp,
+                repeated: false,
+            };
         }
-        open.insert((seen.kind(), content), (at, stamp));
         times
             .entry(seen.piece.bytes.clone())
             .or_insert_with(|| (0, seen.clone()))
@@ -586,78 +638,6 @@ fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
     }
 }
 
-fn waypoints_in_the_west(view: &View<'_>, found: &mut Found) {
-    let Some((latitude, longitude)) = view
-        .requests()
-        .filter(|seen| seen.kind() == 4000)
-        .filter_map(|seen| Some((seen.value("Latitude")?, seen.value("Longitude")?)))
-        .find(|(latitude, _)| latitude.abs() < std::f64::consts::FRAC_PI_2)
-    else {
-        return;
-    };
-    let degrees = |angle: f64| angle.to_degrees();
-    for seen in view.messages().filter(|seen| seen.kind() == 13_002) {
-        let (Some(north), Some(east)) = (
-            seen.value("Waypoint to Latitude or Relative Y"),
-            seen.value("Waypoint to Longitude or Relative X"),
-        ) else {
-            continue;
-        };
-        // A relative position is not a place on the globe.
-        if seen.raw("Location Type").unwrap_or_default() != 0 {
-            continue;
-        }
-        found.check(
-            seen,
-            north.abs() <= std::f64::consts::FRAC_PI_2 + 1e-9,
-            || {
-                format!(
-                    "expected a latitude of -90 to 90 degrees, got {:.1}",
-                    degrees(north)
-                )
-            },
-        );
-        let raw = seen
-            .raw("Waypoint to Longitude or Relative X")
-            .unwrap_or_default();
-        found.check(seen, raw != i64::from(i32::MAX), || {
-            "expected a longitude in two's complement; the largest angle was sent, as where a longitude beyond 180 degrees is cut off".into()
-        });
-        // A route near the vehicle, tried with each of the usual mistakes with angles.
-        let near = |a: f64, b: f64| (a - b).abs() < 0.02;
-        for (what, wrong_north, wrong_east) in [
-            ("latitude and longitude exchanged", longitude, latitude),
-            ("the opposite sign of the longitude", latitude, -longitude),
-            ("the opposite sign of the latitude", -latitude, longitude),
-            ("half of each angle", latitude / 2.0, longitude / 2.0),
-            (
-                "twice each angle",
-                latitude * 2.0,
-                crate::bench::flight::wrapped(longitude * 2.0),
-            ),
-        ] {
-            found.check(seen, !(near(north, wrong_north) && near(east, wrong_east)), || {
-                format!(
-                    "expected a waypoint near the vehicle at {:.1}, {:.1} degrees; {:.1}, {:.1} is {what}",
-                    degrees(latitude),
-                    degrees(longitude),
-                    degrees(north),
-                    degrees(east)
-                )
-            });
-        }
-        if near(north, latitude) {
-            found.check(seen, (east - longitude).abs() < 0.5, || {
-                format!(
-                    "expected a longitude near {:.1} degrees, where the vehicle is; got {:.1}",
-                    degrees(longitude),
-                    degrees(east)
-                )
-            });
-        }
-    }
-}
-
 /// Commands name a single vehicle as destination and the CUCS itself as source.
 fn commands_are_addressed(view: &View<'_>, found: &mut Found) {
     let vehicles: BTreeSet<Id> = view.requests().map(|seen| seen.piece.source).collect();
@@ -675,6 +655,36 @@ fn commands_are_addressed(view: &View<'_>, found: &mut Found) {
                 "expected message {} to be addressed to one vehicle, got the broadcast id",
                 seen.kind()
             )
+        });
+    }
+}
+
+/// How often the same 2016 comes, each time as a new one, before it is no operator who commands it, and how soon, s.
+const STREAM: usize = 3;
+const STREAM_WITHIN_S: f64 = 3.0;
+
+/// Without an acknowledgement nothing is known to be lost, and nothing is to be sent again: a 2016 that comes again and
+/// again with new stamps is a new command each time. Judged in a session only, whose operator is asked for it once.
+fn commands_once(view: &View<'_>, found: &mut Found) {
+    let mut last: BTreeMap<Vec<u8>, (f64, i64, usize)> = BTreeMap::new();
+    for seen in view
+        .messages()
+        .filter(|seen| view.live && seen.kind() == 2016 && !seen.piece.ack())
+    {
+        let Some(stamp) = seen.stamp() else { continue };
+        let at = seen.at.as_secs_f64();
+        let (before, known, count) = last.entry(content(seen)).or_insert((at, stamp, 1));
+        if *known != stamp {
+            *count = if at - *before < STREAM_WITHIN_S {
+                *count + 1
+            } else {
+                1
+            };
+            (*before, *known) = (at, stamp);
+        }
+        let count = *count;
+        found.check(seen, count < STREAM, || {
+            format!("expected a 2016 that asks for no acknowledgement to be sent once for one command; the same came {count} times, each with a new stamp")
         });
     }
 }
@@ -700,5 +710,90 @@ fn acknowledges_to_whom_it_may_concern(view: &View<'_>, found: &mut Found) {
                 )
             });
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::net::Datagram;
+    use crate::passive::view::trace::{of_cucs, to_cucs};
+    use crate::passive::view::verdict_on;
+    use crate::verdict::Verdict;
+    use crate::wire::Draft;
+
+    /// The loiter mode, commanded at these times, ms, with these stamps.
+    fn run(commands: &[(u64, i64)], acked: bool) -> Vec<Datagram> {
+        let draft = |stamp: i64| {
+            let draft = Draft::new(2016)
+                .raw("Time Stamp", stamp)
+                .raw("Select Flight Path Control Mode", 12);
+            if acked { draft.acked() } else { draft }
+        };
+        commands
+            .iter()
+            .map(|&(at_ms, stamp)| of_cucs(at_ms, draft(stamp)))
+            .collect()
+    }
+
+    #[test]
+    fn a_repetition_with_a_new_stamp_is_found_however_late() {
+        let judged =
+            |commands: &[(u64, i64)]| verdict_on(&run(commands, true), repeats_with_the_same_stamp);
+        assert_eq!(judged(&[(0, 1), (1000, 1), (2000, 1)]), Verdict::Pass);
+        assert_eq!(judged(&[(0, 1), (1000, 2)]), Verdict::Fail);
+        assert_eq!(judged(&[(0, 1), (6000, 2)]), Verdict::Fail);
+        // Another press of the button, after the repetitions or much later.
+        assert_eq!(judged(&[(0, 1), (1000, 1), (4000, 2)]), Verdict::Pass);
+        assert_eq!(judged(&[(0, 1), (20_000, 2)]), Verdict::Pass);
+        // A copy that the network made is no repetition.
+        assert_eq!(judged(&[(0, 1), (1, 1), (6000, 2)]), Verdict::Fail);
+    }
+
+    #[test]
+    fn a_command_that_was_acknowledged_may_be_given_again() {
+        let mut all = run(&[(0, 1)], true);
+        let answer = Draft::new(17_000)
+            .raw("Original Message Time Stamp", 1)
+            .raw("Original Message Type", 2016);
+        all.push(to_cucs(100, answer));
+        all.extend(run(&[(2000, 2)], true));
+        assert_eq!(verdict_on(&all, repeats_with_the_same_stamp), Verdict::Pass);
+    }
+
+    #[test]
+    fn a_stream_of_commands_is_no_operator() {
+        let judged = |commands: &[(u64, i64)]| verdict_on(&run(commands, false), commands_once);
+        assert_eq!(judged(&[(0, 1), (1000, 2), (2000, 3)]), Verdict::Fail);
+        assert_eq!(judged(&[(0, 1), (1000, 2)]), Verdict::Pass);
+        assert_eq!(judged(&[(0, 1), (5000, 2), (10_000, 3)]), Verdict::Pass);
+        // The same bytes again are no new command.
+        assert_eq!(judged(&[(0, 1), (1000, 1), (2000, 1)]), Verdict::Pass);
+    }
+
+    /// 44003 about Location Type 1, and a relative waypoint 2 s later.
+    fn relative_after(enabled: &[i64]) -> Verdict {
+        let declared = |(at_ms, &enabled): (u64, &i64)| {
+            let draft = Draft::new(44_003)
+                .raw("Reported Message", 13_002)
+                .raw("Reported Field", 5)
+                .raw("Reported Enumerated Index", 1)
+                .raw("Enumerated Index Enable", enabled);
+            to_cucs(at_ms, draft)
+        };
+        let mut all: Vec<Datagram> = (0..).zip(enabled).map(declared).collect();
+        let waypoint = Draft::new(13_002)
+            .raw("Waypoint Number", 1)
+            .raw("Location Type", 1);
+        all.push(of_cucs(2000, waypoint));
+        verdict_on(&all, only_what_is_available)
+    }
+
+    #[test]
+    fn a_value_that_is_not_available_is_not_sent() {
+        assert_eq!(relative_after(&[-2]), Verdict::Fail);
+        assert_eq!(relative_after(&[-1]), Verdict::Fail);
+        assert_eq!(relative_after(&[-2, 1]), Verdict::Pass);
+        assert_eq!(relative_after(&[]), Verdict::Inconclusive);
     }
 }

@@ -14,9 +14,10 @@ from .faults import FAULTS as KNOWN
 from .faults_in_detail import IN_DETAIL
 from .faults_of_habit import OF_HABIT
 from .faults_of_practice import OF_PRACTICE
+from .faults_of_values import OF_VALUES
 from .station import OVERRIDE, Impossible, Station
 
-FAULTS = KNOWN | IN_DETAIL | OF_HABIT | OF_PRACTICE
+FAULTS = KNOWN | IN_DETAIL | OF_HABIT | OF_PRACTICE | OF_VALUES
 STEPS = """steps, in the order in which they are done:
   discover              search for vehicles; the first that answers is this station's
   take[:BITS]           request LOI bits (default 4: LOI 4), such as take:15
@@ -24,7 +25,7 @@ STEPS = """steps, in the order in which they are done:
   station:N             request LOI 3 of payload station N
   monitor[:S]           receive for so many seconds (default 5)
   configure             run the configuration phase of LOI 4
-  upload[:LAT,LON]      load a route of four points, with a loiter at the third, here or at a place in degrees
+  upload[:LAT,LON,ALT]  load a route of four points, with a loiter at the third, here at 520 m or at a place in degrees and m
   radius:M              set the loiter radius in metres
   mode:N                command flight path control mode N
   launch, land          modes 21 and 19, which need LOI 5
@@ -75,14 +76,16 @@ class Script:
 
     def upload(self, place):
         s = self.station
+        altitude = 520.0
         if place:
-            start = tuple(math.radians(float(part)) for part in place.split(","))
+            *degrees, altitude = (float(part) for part in place.split(","))
+            start = tuple(math.radians(part) for part in degrees)
         else:
             if s.display.position is None:
                 s.pump(2.0)
             start = s.ahead(0, 0)
         corners = ((60, 0, 0), (60, 80, 0), (0, 80, 20), (0, 0, 0))
-        s.upload([(*units.moved(start, north, east), 520, loiter) for north, east, loiter in corners])
+        s.upload([(*units.moved(start, north, east), altitude, loiter) for north, east, loiter in corners])
 
     def launch(self):
         self.confirmed(self.station.fly_mode(21, **{"Altitude Command Type": 1, "Commanded Altitude": round(518 / 0.02), "Altitude Type": 1}))
