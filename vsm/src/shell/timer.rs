@@ -27,7 +27,7 @@ impl Timer {
     pub(super) fn new() -> io::Result<Self> {
         let flags = TimerfdFlags::NONBLOCK | TimerfdFlags::CLOEXEC;
         let timer = timerfd_create(TimerfdClockId::Monotonic, flags)?;
-        Ok(Timer(AsyncFd::with_interest(timer, Interest::READABLE)?))
+        readable(timer).map(Timer)
     }
 
     /// Waits so long; may be dropped and called again before that.
@@ -51,6 +51,18 @@ impl Timer {
             }
         }
     }
+}
+
+/// A descriptor of the kernel that a task waits for until there is something to be read. Must be called within a tokio runtime.
+///
+/// # Errors
+/// The system's.
+#[expect(
+    deprecated,
+    reason = "unsound for a type that shows another descriptor each time, which this one does not; the call in its place is unsafe"
+)]
+pub(super) fn readable(descriptor: OwnedFd) -> io::Result<AsyncFd<OwnedFd>> {
+    AsyncFd::with_interest(descriptor, Interest::READABLE)
 }
 
 /// For what is due at no time that a clock shows.

@@ -9,8 +9,9 @@ use std::os::fd::OwnedFd;
 use std::path::Path;
 
 use rustix::fs::inotify::{self, CreateFlags, WatchFlags};
-use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
+
+use crate::shell::timer::readable;
 
 /// Reports changes of files.
 #[derive(Debug)]
@@ -22,7 +23,7 @@ impl FileChanges {
     pub(super) fn new() -> FileChanges {
         let opened = inotify::init(CreateFlags::NONBLOCK | CreateFlags::CLOEXEC)
             .map_err(io::Error::from)
-            .and_then(|opened| AsyncFd::with_interest(opened, Interest::READABLE));
+            .and_then(readable);
         FileChanges(match opened {
             Ok(opened) => Some(opened),
             Err(cause) => {
