@@ -1,6 +1,6 @@
 //! `vsm run` with many vehicles: processor time, memory, how long a mode change takes to its 3001 meanwhile, and what was lost.
 //! Prints a Markdown table; `cargo bench -p vsm --bench fleet`, `-- --vehicles 200 --seconds 2` for one row of another size and shorter
-//! turns, `--pack` with what is due together for a CUCS in one datagram. A figure is the median of five turns.
+//! turns, `--pack` with what is due together for a CUCS in one datagram (`cucs.pack`). A figure is the median of five turns.
 //!
 //! Each vehicle signs with a key of its own, and sends HEARTBEAT at 1 Hz and ATTITUDE, GLOBAL_POSITION_INT, VFR_HUD and
 //! ATTITUDE_QUATERNION at 10 Hz each; 200 share a link. Three CUCSs listen to all of them with the schedules that a bridge has
@@ -45,14 +45,19 @@ fn main() {
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     let seconds = number("--seconds").unwrap_or(4);
-    let sizes = number("--vehicles").map_or(vec![1, 200, 1_000, 2_000], |only| vec![only]);
-    for vehicles in sizes {
-        World::start(vehicles).measure(seconds);
+    let pack = std::env::args().any(|argument| argument == "--pack");
+    let all = [
+        (1, false),
+        (200, false),
+        (1_000, false),
+        (1_000, true),
+        (2_000, false),
+        (2_000, true),
+    ];
+    let rows = number("--vehicles").map_or(all.to_vec(), |only| vec![(only, pack)]);
+    for (vehicles, pack) in rows {
+        World::start(vehicles, pack).measure(seconds);
     }
-}
-
-fn packs() -> bool {
-    std::env::args().any(|argument| argument == "--pack")
 }
 
 fn number(option: &str) -> Option<u32> {
@@ -66,6 +71,8 @@ struct World {
     vehicles: Vec<Vehicle>,
     links: Vec<(UdpSocket, SocketAddr)>,
     stations: Vec<Arc<Station>>,
+    /// Whether what is due together for a CUCS is in one datagram.
+    pack: bool,
     folder: tempfile::TempDir,
     sent: u64,
     stamp: u64,
@@ -101,7 +108,7 @@ struct Station {
 }
 
 impl World {
-    fn start(count: u32) -> World {
+    fn start(count: u32, pack: bool) -> World {
         let folder = tempfile::tempdir().expect("a folder");
         let dli = free();
         let links: Vec<_> = (0..count.div_ceil(ON_A_LINK))
@@ -113,12 +120,11 @@ impl World {
         let stations: Vec<_> = (0..3)
             .map(|at| Station::new(Id(0x1b00_00a0 + at)))
             .collect();
-        let packs = packs();
         for station in &stations {
             let id = station.id;
             let _ = writeln!(
                 text,
-                "[[cucs]]\nid = \"{id}\"\nloi = [2]\naddress = \"127.0.0.1\"\npack = {packs}"
+                "[[cucs]]\nid = \"{id}\"\nloi = [2]\naddress = \"127.0.0.1\"\npack = {pack}"
             );
         }
         let mut vehicles = Vec::new();
@@ -158,6 +164,7 @@ impl World {
             vehicles,
             links,
             stations,
+            pack,
             folder,
             sent: 0,
             stamp: 0,
@@ -252,20 +259,28 @@ impl World {
         };
         let (core, p99) = (of(|turn| turn.core_percent), of(|turn| turn.p99_us));
         let vehicles = self.vehicles.len();
+        let (packed, name) = if self.pack {
+            (", `pack`", "packed-")
+        } else {
+            ("", "")
+        };
         println!(
-            "| {vehicles} vehicles | {:.0} | {core:.1} | {:.1} | {memory_mb:.1} MB | {:.0} | {p99:.0} | {:.0} | {} frames, {unanswered} mode changes |",
+            "| {vehicles} vehicles{packed} | {:.0} | {core:.1} | {:.1} | {memory_mb:.1} MB | {:.0} | {p99:.0} | {:.0} | {} frames, {unanswered} mode changes |",
             of(|turn| turn.frames_s).median,
             of(|turn| turn.frame_us),
             of(|turn| turn.p50_us),
             of(|turn| turn.reports_s).median,
             sent.saturating_sub(taken),
         );
-        for (name, spread) in [
+        for (what, spread) in [
             ("core-percent", core),
             ("mode-p99-us", p99),
             ("memory-mb", Spread::of(&[memory_mb])),
         ] {
-            println!("{}", spread.figure(&format!("fleet-{vehicles}-{name}")));
+            println!(
+                "{}",
+                spread.figure(&format!("fleet-{vehicles}-{name}{what}"))
+            );
         }
     }
 

@@ -43,7 +43,7 @@ const fn goal(what: &'static str, figure: &'static str, bound: f64, unit: &'stat
     }
 }
 
-const GOALS: [Goal; 14] = [
+const GOALS: [Goal; 16] = [
     goal(
         "CPU a message at 1,000/s, of mavlink-router's",
         "cpu-of-router-1000",
@@ -96,6 +96,18 @@ const GOALS: [Goal; 14] = [
     goal(
         "1,000 vehicles: mode change to 3001, p99",
         "fleet-1000-mode-p99-us",
+        2_000.0,
+        " us",
+    ),
+    goal(
+        "1,000 vehicles, `pack`: of a core",
+        "fleet-1000-packed-core-percent",
+        60.0,
+        " %",
+    ),
+    goal(
+        "1,000 vehicles, `pack`: mode change to 3001, p99",
+        "fleet-1000-packed-mode-p99-us",
         2_000.0,
         " us",
     ),
