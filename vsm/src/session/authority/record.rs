@@ -37,7 +37,7 @@ pub(crate) struct AuthorityRecord {
     control: Trail,
     monitors: Trail,
     repetitions: Repetitions,
-    /// Rights have ended, which the record or its logs lack: when it is tried again to store that.
+    /// Something holds that the record or its logs lack: when it is tried again to store that.
     owed_at: Option<Duration>,
 }
 
@@ -214,7 +214,7 @@ impl AuthorityRecord {
         if self.owed_at.is_none_or(|at| context.mono() < at) {
             return;
         }
-        self.owed_at = match self.write_owed(rights, context, effects) {
+        self.owed_at = match self.store(rights, Durability::Power, context, effects) {
             // Operators were alerted when it began.
             Err(_) => Some(context.mono() + TRY_AGAIN),
             Ok(()) => {
@@ -222,19 +222,6 @@ impl AuthorityRecord {
                 None
             }
         };
-    }
-
-    fn write_owed(
-        &mut self,
-        rights: &Authority,
-        context: &Context<'_>,
-        effects: &mut Effects<'_>,
-    ) -> Result<(), StoreError> {
-        for kind in Kind::ALL {
-            let (trail, at) = self.trail(kind, context);
-            trail.write_owed(&at, effects.disk())?;
-        }
-        self.store(rights, Durability::Power, context, effects)
     }
 
     /// Stores whether the silence of a holder counts (it has sent heartbeats), and its proven address. After a restart its
@@ -246,6 +233,10 @@ impl AuthorityRecord {
         context: &Context<'_>,
         effects: &mut Effects<'_>,
     ) {
+        if self.owed_at.is_some() {
+            // It is stored with the rest, once the disk takes that.
+            return;
+        }
         let id = station.id();
         let beats = station.sends_heartbeats != self.beats.contains(&id);
         // Do not store an unproven address: anyone could change it a thousand times a second.
@@ -258,6 +249,7 @@ impl AuthorityRecord {
         };
         if let Err(fault) = self.store(rights, durability, context, effects) {
             effects.warn(Cause::Store, format!("authority cannot be stored: {fault}"));
+            self.owed_at = Some(context.mono() + TRY_AGAIN);
         }
     }
 
@@ -390,6 +382,11 @@ impl AuthorityRecord {
         context: &Context<'_>,
         effects: &mut Effects<'_>,
     ) -> Result<(), StoreError> {
+        // Whatever leads to it: the record never has a change without its line.
+        for kind in Kind::ALL {
+            let (trail, at) = self.trail(kind, context);
+            trail.write_owed(&at, effects.disk())?;
+        }
         // The parties of a handover are notified of its end, also after a restart.
         let parties = rights
             .pending()
@@ -410,8 +407,8 @@ impl AuthorityRecord {
         });
         let holders: Vec<Holder> = holders.collect();
         let beats = holders.iter().filter(|holder| holder.beats);
-        self.beats = beats.map(|holder| Id(holder.id)).collect();
-        self.places = (holders.iter().filter(|holder| holder.proven))
+        let beats: BTreeSet<Id> = beats.map(|holder| Id(holder.id)).collect();
+        let places: BTreeMap<_, _> = (holders.iter().filter(|holder| holder.proven))
             .filter_map(|holder| {
                 let version = holder.shown.ed25.as_deref().and_then(Version::from_text);
                 Some((Id(holder.id), (holder.peer?, version)))
@@ -424,7 +421,9 @@ impl AuthorityRecord {
             audit: self.control.head(vehicle, key),
             monitors: self.monitors.head(vehicle, key),
         };
-        effects.disk().save_as(&context.id(), &stored, durability)
+        effects.disk().save_as(&context.id(), &stored, durability)?;
+        (self.beats, self.places) = (beats, places);
+        Ok(())
     }
 
     fn write_audit(

@@ -185,6 +185,32 @@ fn a_release_that_the_disk_refuses_holds_and_is_stored_once_there_is_room() {
 }
 
 #[test]
+fn a_station_that_could_not_be_stored_is_stored_once_there_is_room_and_the_alert_ends() {
+    let (mut world, mut machine) = start();
+    request(&mut world, &mut machine, 0, LOI4_5);
+    world.stations[0].sends_heartbeats = true;
+    world.stations[0].received = Some(world.now.mono);
+    let whole = std::mem::replace(&mut world.disk, Box::new(MemoryDisk::default()));
+    world.fill_disk();
+    handle(&mut world, &mut machine, Input::WatchSilence);
+    assert_eq!(priorities(&world), [AlertPriority::Warning]);
+
+    world.disk = whole;
+    world.advance(Duration::from_secs(2));
+    world.stations[0].received = Some(world.now.mono);
+    handle(&mut world, &mut machine, Input::WatchSilence);
+    assert_eq!(priorities(&world), []);
+    let mut restarted = AuthorityMachine::default();
+    let restored = world.act(|context, _, effects| restarted.restore(&context, effects));
+    let known = restored.expect("the record is read");
+    assert!(
+        known
+            .iter()
+            .any(|one| one.id == CUCS && one.sends_heartbeats)
+    );
+}
+
+#[test]
 fn a_release_is_granted_whatever_else_it_names() {
     let (mut world, mut machine) = start();
     request(&mut world, &mut machine, 0, LOI4_5);
