@@ -58,8 +58,11 @@ impl AuthorityMachine {
         let after = effects.disk().queued();
         // Rights lost by silence or withdrawn by the configuration break no promise, and a restart would decide the same
         // again. So a failing disk does not prevent the loss action. Nor does it keep control with a station that has
-        // released it: a release is always granted.
-        let stands = of.cannot_wait() || (matches!(of, Of::Request(_)) && decision.gives_up());
+        // released it: a release is always granted. Nor does it keep control from the only station that a restart would give
+        // it to: it has released or lost it, which could not be stored.
+        let stands = of.cannot_wait()
+            || (matches!(of, Of::Request(_))
+                && self.record.has_what_is_given(&decision, effects.disk()));
         if changed {
             // What stands is written in any case: rights that end are few.
             let stored = if stands || self.unstored.len() < MAX_UNSTORED {
@@ -72,10 +75,12 @@ impl AuthorityMachine {
                 ))
             };
             if let Err(fault) = stored {
-                let effect = if stands {
+                let effect = if !stands {
+                    "nothing changes"
+                } else if of.cannot_wait() || decision.gives_up() {
                     "rights end all the same"
                 } else {
-                    "nothing changes"
+                    "rights that the record still has are given again"
                 };
                 let text = format!("authority cannot be stored, {effect}: {fault}");
                 effects.warn(Cause::Store, text);

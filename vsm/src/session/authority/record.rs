@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use mavlink_link::store::{Changes, Disk, Durability, Store as _, StoreError};
+use mavlink_link::store::{Changes, Disk, Durability, Progress, Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
 use stanag_msgs::ed25::Version;
@@ -37,6 +37,8 @@ pub(crate) struct AuthorityRecord {
     control: Trail,
     monitors: Trail,
     repetitions: Repetitions,
+    /// The rights that the record has, and the change of the disk that it came with.
+    stored: (Authority, Changes),
     /// Something holds that the record or its logs lack: when it is tried again to store that.
     owed_at: Option<Duration>,
 }
@@ -52,6 +54,7 @@ impl Default for AuthorityRecord {
             control: Trail::new(Kind::Control),
             monitors: Trail::new(Kind::Monitors),
             repetitions: Repetitions::default(),
+            stored: (Authority::default(), Changes::NONE),
             owed_at: None,
         }
     }
@@ -204,7 +207,7 @@ impl AuthorityRecord {
     }
 
     /// Stores what holds though the disk did not take it, as soon as it does: the lines of the logs, then the record. Until then a
-    /// restart would return a right that was released.
+    /// restart would return a right that was released, and so may its station have it again before that.
     pub(super) fn store_owed(
         &mut self,
         rights: &Authority,
@@ -222,6 +225,28 @@ impl AuthorityRecord {
                 None
             }
         };
+    }
+
+    /// Whether a restart finds every right that a decision gives: it gives none, or only what the record still has, because a disk
+    /// without room has not taken that it ended.
+    pub(super) fn has_what_is_given(&self, decision: &Decision, disk: &dyn Disk) -> bool {
+        let (stored, change) = &self.stored;
+        let had = |id| {
+            let held = stored.held(id);
+            // Any right implies LOI 2.
+            if held.is_empty() {
+                held
+            } else {
+                held.with(Rights::monitor())
+            }
+        };
+        let is_there = || disk.progress(*change) == Progress::Durable;
+        let may_be_owed = self.control.has_room() && self.monitors.has_room();
+        let has = |one: &Change| {
+            let is_had = |to| may_be_owed && had(to).contains(one.gained) && is_there();
+            one.to.is_none_or(is_had)
+        };
+        decision.begun.is_empty() && decision.changes.iter().all(has)
     }
 
     /// Stores whether the silence of a holder counts (it has sent heartbeats), and its proven address. After a restart its
@@ -266,6 +291,7 @@ impl AuthorityRecord {
             return Ok((Authority::default(), Vec::new()));
         };
         let rights = Authority::restored(&stored.authority, context.mono(), &context.keepers());
+        self.stored = (rights.clone(), Changes::NONE);
         let mut known = Vec::new();
         for holder in &stored.holders {
             let id = Id(holder.id);
@@ -421,8 +447,12 @@ impl AuthorityRecord {
             audit: self.control.head(vehicle, key),
             monitors: self.monitors.head(vehicle, key),
         };
-        effects.disk().save_as(&context.id(), &stored, durability)?;
+        let disk = effects.disk();
+        let after = disk.queued();
+        disk.save_as(&context.id(), &stored, durability)?;
+        let until = disk.queued();
         (self.beats, self.places) = (beats, places);
+        self.stored = (rights.clone(), Changes { after, until });
         Ok(())
     }
 

@@ -184,6 +184,45 @@ fn a_release_that_the_disk_refuses_holds_and_is_stored_once_there_is_room() {
     assert!(line.contains(&at), "{line}");
 }
 
+/// What a restart would give to a station is given to it again, however often, and to nobody else: otherwise a full disk would
+/// leave an aircraft to nobody.
+#[test]
+fn a_full_disk_gives_control_again_to_the_station_that_the_record_still_has() {
+    let (mut world, mut machine) = start();
+    request(&mut world, &mut machine, 0, LOI4_5);
+    let release = RequestedAccess::Relinquish;
+    world.fill_disk();
+    for _ in 0..3 {
+        let answer = authorise(&mut world, &mut machine, 0, release, LOI4_5);
+        assert_eq!(answer, AckType::CarriedOut);
+        let answer = request(&mut world, &mut machine, 1, LOI4_5);
+        assert_eq!(answer, AckType::Refused);
+        // Nor more than the record has.
+        let more = LOI4_5.union(LoiBitmap::LOI3);
+        let answer = request(&mut world, &mut machine, 0, more);
+        assert_eq!(answer, AckType::Refused);
+        // LOI 2 comes with it.
+        let answer = request(&mut world, &mut machine, 0, GRANTED);
+        assert_eq!(answer, AckType::CarriedOut);
+        assert_eq!(machine.controller(), Some(CUCS));
+    }
+    assert_eq!(priorities(&world), [AlertPriority::Warning]);
+
+    world.disk = Box::new(MemoryDisk::default());
+    world.advance(Duration::from_secs(2));
+    handle(&mut world, &mut machine, Input::WatchSilence);
+    assert_eq!(priorities(&world), []);
+    let log = world.disk.read("audit-1b000101.log", u64::MAX);
+    let log = log.expect("it can be read").expect("it was written");
+    let log = String::from_utf8_lossy(&log).into_owned();
+    let whys: Vec<bool> = log.lines().map(|line| line.contains("released")).collect();
+    assert_eq!(whys, [true, false, true, false, true, false], "{log}");
+    let mut restarted = AuthorityMachine::default();
+    let restored = world.act(|context, _, effects| restarted.restore(&context, effects));
+    restored.expect("the record is read");
+    assert_eq!(restarted.controller(), Some(CUCS));
+}
+
 #[test]
 fn a_station_that_could_not_be_stored_is_stored_once_there_is_room_and_the_alert_ends() {
     let (mut world, mut machine) = start();

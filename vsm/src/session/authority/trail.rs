@@ -385,6 +385,12 @@ impl Trail {
         Ok(())
     }
 
+    /// Whether the line of a right that is given may be owed: half of the room is for rights that end, of which there are no more
+    /// than were given, and for terminations.
+    pub(super) fn has_room(&self) -> bool {
+        self.owed.len() < MAX_OWED / 2
+    }
+
     /// This holds since then, and its line could not be written: it comes before the next one.
     pub(super) fn owe(&mut self, wall: Duration, entry: Entry) {
         if self.owed.len() < MAX_OWED {
@@ -574,5 +580,5 @@ const MAX_BYTES: usize = 1 << 20;
 pub(crate) const MAX_LOG_BYTES: u64 = 2 << 20;
 /// Number of rotated files that are kept, with some four thousand lines each.
 const MAX_FILES: u32 = 8;
-/// Lines of what holds that wait for a disk: rights that can only end meanwhile, and terminations.
+/// Lines of what holds that wait for a disk: rights that end, or that the record still has, and terminations.
 const MAX_OWED: usize = 256;
