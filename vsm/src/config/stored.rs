@@ -1,7 +1,8 @@
 //! What a configuration has of its store: where it is, and the vehicles whose records and keys belong to it.
 //!
 //! A command that only shows these needs no other part of the file: where another part is wrong, it is left out, and named
-//! beside.
+//! beside. Not so where the fault may be that a vehicle is missing: a table of no known name may be a `[[vehicle]]` with a typing
+//! error, and "intact" would be said of a vehicle that nobody looked at.
 
 use std::path::{Path, PathBuf};
 
@@ -24,7 +25,7 @@ impl Stored {
     /// Reads a file.
     ///
     /// # Errors
-    /// As [`Config::load`], where the file is not TOML, or `[store]` or a `[[vehicle]]` is wrong.
+    /// As [`Config::load`], where the file is not TOML, or `[store]` or a `[[vehicle]]` is wrong, or may be missing.
     pub fn load(path: &Path) -> Result<Stored, ConfigError> {
         let (config, fault) = match Config::load(path) {
             Ok(config) => (config, None),
@@ -49,9 +50,11 @@ fn parts(path: &Path) -> Option<Config> {
     let mut whole: toml::Table = toml::from_str(&text).ok()?;
     let mut parts: toml::Table = toml::from_str(NO_BRIDGE).ok()?;
     for name in ["store", "vehicle"] {
-        if let Some(part) = whole.remove(name) {
-            parts.insert(name.to_owned(), part);
-        }
+        parts.insert(name.to_owned(), whole.remove(name)?);
+    }
+    let is_known = |name: &String| Config::KEYS.iter().any(|key| key.name == name);
+    if !whole.keys().all(is_known) {
+        return None;
     }
     let text = toml::to_string(&parts).ok()?;
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -88,7 +91,7 @@ mod tests {
         assert_eq!(whole, (ids.clone(), "state".into(), None));
         for (dli, rest, words) in [
             (DLI, "[http]\nlisten = 7\n", "http.listen"),
-            (DLI, "[htpp]\n", "htpp"),
+            (DLI, "[http]\nlistne = 7\n", "listne"),
             ("[dli]\nlisten = \"x\"\n", "", "dli"),
             ("", "", "dli"),
         ] {
@@ -111,6 +114,17 @@ mod tests {
             (STORE, "[http\n", "line"),
         ] {
             let fault = stored(&[DLI, store, VEHICLES, rest]).unwrap_err();
+            assert!(fault.contains(words), "{words}: {fault}");
+        }
+        // Neither is said to have no vehicle.
+        let second = VEHICLES.replace("[[vehicle]]", "[[vehicel]]");
+        let id = second.replace("1b:00:01:01", "1b:00:02:01");
+        for (vehicles, words) in [
+            (second, "vehicel"),
+            (VEHICLES.to_owned() + &id, "vehicel"),
+            ("[http]\nlisten = 7\n".to_owned(), "http.listen"),
+        ] {
+            let fault = stored(&[DLI, STORE, &vehicles]).unwrap_err();
             assert!(fault.contains(words), "{words}: {fault}");
         }
         let agent = include_str!("../../../examples/airside.toml");
