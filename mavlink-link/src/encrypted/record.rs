@@ -49,7 +49,9 @@ impl Record for EncryptedRecord {
     }
 
     fn encode(&self) -> Vec<u8> {
-        format!("{} {}\n", self.counter, self.epoch).into_bytes()
+        // Always as long: a disk without room writes it over the one before, and a power cut may leave the new content with the old
+        // length. A part of an epoch would be an epoch that was used already.
+        format!("{:<20} {:<10}\n", self.counter, self.epoch).into_bytes()
     }
 
     // Line feeds may follow: a disk without room writes a shorter record over a longer one.
@@ -150,6 +152,16 @@ mod tests {
         assert_eq!(EncryptedRecord::decode(&record.encode()), Ok(record));
         let longer = [record.encode(), b"\n\n".to_vec()].concat();
         assert_eq!(EncryptedRecord::decode(&longer), Ok(record));
+        let longest = EncryptedRecord {
+            counter: u64::MAX,
+            epoch: u32::MAX,
+        };
+        for other in [record, EncryptedRecord::default()] {
+            assert_eq!(other.encode().len(), longest.encode().len());
+        }
+        // Cut off behind its counter.
+        let cut = &longest.encode()[..21];
+        assert!(EncryptedRecord::decode(cut).is_err());
         for text in ["", "1", "1 2 3", "1 -2", "1 4294967296", "x y"] {
             assert!(EncryptedRecord::decode(text.as_bytes()).is_err(), "{text}");
         }
