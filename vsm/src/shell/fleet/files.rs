@@ -10,12 +10,11 @@ use std::os::unix::ffi::OsStringExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use mavlink_link::clock::CEILING;
 use sha2::{Digest as _, Sha256};
 use zeroize::Zeroizing;
 
 use super::remote::{Head, Last, Remote};
-use crate::shell::disk::{ERASE_ORDER, FLEET_EPOCH, FileSystem, NativeFileSystem};
+use crate::shell::disk::{ERASE_ORDER, FLEET_EPOCH, FileSystem, NativeFileSystem, keeps_its_room};
 
 /// The file system of a node that owns its VSM.
 ///
@@ -29,7 +28,7 @@ pub(super) struct SharedFiles {
     /// The same without links and relative parts, as the system names open files.
     real: PathBuf,
     remote: Arc<Remote>,
-    /// The ceilings of clocks, and everything else: a link must not wait while a plan is stored.
+    /// What links live by, and everything else: a link must not wait while a plan is stored.
     lanes: [Lane; 2],
 }
 
@@ -312,7 +311,7 @@ pub(super) fn is_stored(name: &str) -> bool {
 }
 
 fn lane_of(name: &str) -> usize {
-    usize::from(!name.starts_with(CEILING))
+    usize::from(!keeps_its_room(name))
 }
 
 fn digest(bytes: &[u8]) -> [u8; 32] {

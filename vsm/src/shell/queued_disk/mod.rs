@@ -6,8 +6,9 @@
 //! depends on it until then. A change that must survive only the end of the process is written as by [`FileDisk`], unless the
 //! store is shared with other nodes: they do not see this folder.
 //!
-//! The ceilings of signing clocks have their own thread: a link must not fall silent because another part has much to
-//! write. Once known, they are read from memory, since each new one is compared with the one before.
+//! The ceilings of signing clocks and the epochs of encrypted links have their own thread: a link must not fall silent because
+//! another part has much to write, or cannot be written. Once known, ceilings are read from memory, since each new one is compared
+//! with the one before.
 //!
 //! A record is first written under a temporary name (`authority-1b000101.json.new-7`); the thread renames it. Until then
 //! the new bytes are read from memory. A start removes what a crash left. Where a full disk has no room for that, the thread
@@ -66,7 +67,7 @@ pub struct QueuedDisk {
     faults: BTreeMap<String, String>,
     /// There is news since the last [`QueuedDisk::poll`].
     news: bool,
-    /// The ceilings of clocks, and everything else.
+    /// What links live by, and everything else.
     lanes: [Lane; 2],
 }
 
@@ -349,7 +350,7 @@ impl QueuedDisk {
 
 /// The thread of a file.
 fn lane_of(name: &str) -> usize {
-    usize::from(!name.starts_with(CEILING))
+    usize::from(!keeps_its_room(name))
 }
 
 impl Disk for QueuedDisk {

@@ -359,9 +359,9 @@ fn a_line_that_is_refused_is_not_in_the_log() {
     assert_eq!(std::fs::read(store.join("log")).unwrap(), b"1\n");
 }
 
-/// A disk that has no room for a new file, once it is full.
+/// A disk that has no room for a new file, nor for more of a log, once it is full; and what its synchronisations wait for.
 #[derive(Debug, Clone, Default)]
-struct Full(Arc<AtomicBool>);
+struct Full(Arc<AtomicBool>, Arc<Mutex<()>>);
 
 impl FileSystem for Full {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -376,7 +376,16 @@ impl FileSystem for Full {
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
+        let _turn = self.1.lock().unwrap();
         NativeFileSystem.sync(path)
+    }
+
+    // As a file server finds it, which has taken the line.
+    fn sync_open(&self, file: &File) -> io::Result<()> {
+        if self.0.load(Ordering::Relaxed) {
+            return Err(io::ErrorKind::StorageFull.into());
+        }
+        NativeFileSystem.sync_open(file)
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
@@ -390,6 +399,41 @@ impl FileSystem for Full {
     fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
         NativeFileSystem.read(path, most)
     }
+}
+
+#[test]
+fn a_log_that_a_full_disk_does_not_take_holds_back_nothing_that_a_link_lives_by() {
+    const LINKS: [&str; 2] = ["clock-0102030405060708", "encrypted-1b000101"];
+    let (folder, system) = (tempfile::tempdir().unwrap(), Full::default());
+    let store = FileDisk::open_on(&folder.path().join("state"), Box::new(system.clone()));
+    let store = store.expect("a store");
+    let mut disk = QueuedDisk::new(store, Arc::new(Notify::new())).expect("a thread");
+    for link in LINKS {
+        assert_eq!(outcome(&mut disk, save(link)), Progress::Durable);
+    }
+    let first = line("audit-1.log", "1\n");
+    assert_eq!(outcome(&mut disk, first), Progress::Durable);
+
+    // All of it gathers behind this one, and is written together.
+    let turn = system.1.lock().unwrap();
+    save("plan-1.json")(&mut disk);
+    system.0.store(true, Ordering::Relaxed);
+    let after = disk.queued();
+    line("audit-1.log", "2\n")(&mut disk);
+    let log = Changes {
+        after,
+        until: disk.queued(),
+    };
+    for link in LINKS {
+        save(link)(&mut disk);
+    }
+    let links = Changes {
+        after: log.until,
+        until: disk.queued(),
+    };
+    drop(turn);
+    assert_eq!(wait(&mut disk, log), Progress::Failing);
+    assert_eq!(wait(&mut disk, links), Progress::Durable);
 }
 
 #[test]
