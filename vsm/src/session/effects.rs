@@ -358,13 +358,13 @@ impl<'a> DliEffects<'a> {
     /// As [`DliEffects::acknowledge`], for a message that disposes of rights. Its decision may wait for the disk for as long as that
     /// takes: its sender is sent at once that the message has arrived. That promises nothing, so it waits for nothing.
     pub(crate) fn acknowledge_decision(&mut self, source: Id, origin: &Origin, answer: AckType) {
-        let speaks_ed25 = || {
-            let station = self.stations.get(origin.station);
-            station.is_some_and(GroundStation::speaks_ed25)
-        };
+        let station = self.stations.get(origin.station);
+        // To an address that has proven nothing little may be sent: that is for the decision, and for message 2.
+        let is_there = station.is_some_and(|one| one.proven);
         // An acknowledgement of Edition 2.5 (#1400) means that the message is not refused.
-        let misleads = answer == AckType::Refused && speaks_ed25();
-        if self.waits_for().is_some() && !misleads {
+        let misleads =
+            answer == AckType::Refused && station.is_some_and(GroundStation::speaks_ed25);
+        if is_there && !misleads && self.waits_for().is_some() {
             self.send_acknowledgement(source, origin, AckType::Received);
             if answer == AckType::Received {
                 return;

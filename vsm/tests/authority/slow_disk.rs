@@ -12,7 +12,7 @@ use stanag_msgs::messages::{CucsAuthorisationRequest, LoiterConfiguration};
 use stanag_msgs::{Envelope, MAX_DATAGRAM, Message, Scaled, TimeStamp};
 use vsm::session::{Chain, Stations, Status};
 
-use crate::scene::{A, B, CONTROL, Scene, TABLES};
+use crate::scene::{A, B, C, CONTROL, Scene, TABLES};
 
 /// A controls, and from now on a synchronisation takes so long.
 fn slow(sync: Duration) -> Scene {
@@ -205,6 +205,18 @@ fn whatever_disposes_of_rights_is_acknowledged_at_once_and_ends_with_its_decisio
         assert_eq!(last, Some(expected), "{what}: {answers:?}");
         assert_eq!(status(&scene).held, 0, "{what}");
     }
+}
+
+/// An address that has proven nothing is sent three times what came from it at most, and that is for what was decided.
+#[test]
+fn an_address_that_has_proven_nothing_is_sent_the_decision_alone() {
+    let mut scene = slow(Duration::from_millis(300));
+    scene.rig.stations[C].acknowledges = false;
+    let taken = scene.ask_stations(C, RequestedAccess::Request, 0x02, Stations::one(1));
+    scene.rig.run(20.0);
+    let answers = scene.rig.stations[C].answers(taken);
+    assert_eq!(answers.first(), Some(&AckType::CarriedOut), "{answers:?}");
+    assert!(!answers.contains(&AckType::Received), "{answers:?}");
 }
 
 #[test]
