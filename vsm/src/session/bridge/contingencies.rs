@@ -20,7 +20,7 @@ impl Bridge {
                 if station.translator.has_plan(vehicle) {
                     continue;
                 }
-                match disk.read(&file(vehicle, id), MAX_RECORD_BYTES) {
+                match disk.read_whole(&file(vehicle, id), MAX_RECORD_BYTES) {
                     // Noted as known, so that a reload does not read it again.
                     Ok(None) => station.translator.restore(vehicle, ""),
                     Ok(Some(bytes)) => {

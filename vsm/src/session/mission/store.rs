@@ -407,7 +407,7 @@ impl MissionStore {
         let (vehicle, disk) = (effects.id, effects.disk());
         (self.received, self.files) = PlanFiles::read(vehicle, disk)?;
         for (kind, route) in [(UPLOADED, &mut self.uploaded), (LOADED, &mut self.loaded)] {
-            let bytes = disk.read(&record_name(kind, vehicle), MAX_RECORD_BYTES)?;
+            let bytes = disk.read_whole(&record_name(kind, vehicle), MAX_RECORD_BYTES)?;
             if let Some(bytes) = bytes.filter(|bytes| !bytes.is_empty()) {
                 let read = record::decode_uploaded(&bytes, vehicle)
                     .map_err(|cause| record_fault(kind, vehicle, cause))?;

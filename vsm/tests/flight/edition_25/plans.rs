@@ -1,5 +1,7 @@
 //! Missions: #800 to #806 there and back, contingency waypoints, and what one route cannot be.
 
+use std::collections::BTreeMap;
+
 use kit::bridge::vehicle_id;
 use px4_sim::Mode as Px4;
 use serde_json::{Value, json};
@@ -332,6 +334,24 @@ fn an_upload_survives_a_repeated_route_and_a_restart() {
 
 #[test]
 fn an_upload_whose_contingencies_are_lost_with_the_disk_is_refused_until_they_are_sent_again() {
+    refused_until_sent_again(|records| {
+        records.retain(|name, _| !name.starts_with("contingencies-"));
+    });
+}
+
+/// Of a file that something else has written to nothing counts in part.
+#[test]
+fn contingencies_in_a_file_of_any_length_are_refused_until_they_are_sent_again() {
+    refused_until_sent_again(|records| {
+        let mut logs = records.iter_mut();
+        let (_, log) = logs
+            .find(|(name, _)| name.starts_with("contingencies-"))
+            .expect("it was written");
+        log.resize((16 << 20) + 1, b'\n');
+    });
+}
+
+fn refused_until_sent_again(lose: impl FnOnce(&mut BTreeMap<String, Vec<u8>>)) {
     let (mut rig, mut station) = ready();
     let [flight, first, other] = mission(20, 2);
     let flight = station.datagram(&rig, vehicle_id(0), flight.0, &flight.1);
@@ -339,9 +359,7 @@ fn an_upload_whose_contingencies_are_lost_with_the_disk_is_refused_until_they_ar
     send_all(&mut rig, &mut station, std::slice::from_ref(&first));
     let second = with(waypoint(2, 3, 80.0, 0.0), "Contingency Waypoint A", 20);
     send_all(&mut rig, &mut station, &[(802, second)]);
-    rig.store
-        .records
-        .retain(|name, _| !name.starts_with("contingencies-"));
+    lose(&mut rig.store.records);
     rig.restart_bridge();
     rig.run(12.0);
     rig.deliver_from(station.address, &flight);
