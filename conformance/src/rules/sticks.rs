@@ -27,13 +27,16 @@ const BEFORE: Duration = Duration::from_millis(700);
 /// A loss of sticks is a loss of the network or of a slow computer, so it is tried again.
 const ATTEMPTS: usize = 3;
 
+/// A part of the motion that a stick changes, and the least change that is above noise.
+type Effect = (fn(&Motion) -> f64, f64);
+
 /// A stick with the effects that show it: by how much they differ between the two deflections at least. A vehicle shows
 /// one of them: one on wings banks and turns where a hovering one moves sideways, and sinks where that moves forward.
 struct Stick {
     field: &'static str,
     to: &'static str,
     deflection: i64,
-    effects: &'static [(fn(&Motion) -> f64, f64)],
+    effects: &'static [Effect],
 }
 
 const STICKS: &[Stick] = &[
