@@ -47,6 +47,13 @@ impl Fix {
         })
     }
 
+    /// The fix of a 4000 with a position and all three speeds: one that is absent is not known, and not 0.
+    #[must_use]
+    pub fn with_speeds(seen: &Seen) -> Option<Self> {
+        let speeds = ["U_Speed", "V_Speed", "W_Speed"];
+        Self::of(seen).filter(|_| speeds.into_iter().all(|name| seen.has(name)))
+    }
+
     /// Metres north and east of another place.
     #[must_use]
     pub fn from(&self, latitude: f64, longitude: f64) -> (f64, f64) {

@@ -319,11 +319,25 @@ pub(super) mod trace {
 /// What a judge finds in these datagrams of a live run.
 #[cfg(test)]
 pub(super) fn verdict_on(datagrams: &[Datagram], judge: fn(&View<'_>, &mut Found)) -> Verdict {
+    verdict(datagrams, true, judge)
+}
+
+/// What a judge finds in these datagrams of a recording.
+#[cfg(test)]
+pub(super) fn verdict_on_recorded(
+    datagrams: &[Datagram],
+    judge: fn(&View<'_>, &mut Found),
+) -> Verdict {
+    verdict(datagrams, false, judge)
+}
+
+#[cfg(test)]
+fn verdict(datagrams: &[Datagram], live: bool, judge: fn(&View<'_>, &mut Found)) -> Verdict {
     let view = View {
         datagrams,
         profile: &Profile::default(),
         survey: None,
-        live: true,
+        live,
         as_they_are: false,
     };
     let mut found = Found::default();
