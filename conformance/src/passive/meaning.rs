@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use stanag_msgs::Id;
 
-use super::view::{Found, Judge, View};
+use super::view::{Ends, Found, Judge, View, ends};
 use crate::wire::Seen;
 
 pub(super) const JUDGES: &[Judge] = &[
@@ -355,19 +355,22 @@ const RISING_BY: usize = 3;
 /// A transfer that took its time, and was complete, has reported more than one percentage on its way. Not judged where the
 /// reports came at its beginning only.
 fn progress_rises(view: &View<'_>, found: &mut Found) {
-    let mut open: BTreeMap<(u32, usize, i64), Vec<Arc<Seen>>> = BTreeMap::new();
+    let mut open: BTreeMap<(Ends, u32, i64), Vec<Arc<Seen>>> = BTreeMap::new();
     let (mut commands, mut judged) = (view.requests().peekable(), false);
     for seen in view.once().filter(|seen| seen.kind() == 14000) {
         while let Some(command) = commands.next_if(|command| command.at <= seen.at) {
             // Another command begins another transfer, or is a repetition: then less is judged.
             if command.kind() == 13000 {
-                open.retain(|known, _| known.1 != command.socket);
+                let to = (command.piece.destination.0, command.socket);
+                open.retain(|known, _| known.0 != to);
             }
         }
-        let (Some(status), Some(mode)) = (seen.raw("Status"), seen.raw("Mission Plan Mode")) else {
+        let Some(status) = seen.raw("Status") else {
             continue;
         };
-        let key = (seen.piece.destination.0, seen.socket, mode);
+        // Edition 2.5 does not name the mode.
+        let mode = seen.raw("Mission Plan Mode").unwrap_or_default();
+        let key = (ends(seen), seen.piece.destination.0, mode);
         if status == 0 {
             open.entry(key).or_default().push(seen.clone());
             continue;
@@ -501,14 +504,16 @@ mod tests {
     use crate::verdict::Verdict;
     use crate::wire::Draft;
 
+    fn report(status: i64, percent: i64) -> Draft {
+        Draft::new(14000)
+            .raw("Status", status)
+            .raw("Percent Complete", percent)
+    }
+
     /// A load whose reports in progress come at these times, in ms, with these percentages, and that is complete after 1 s.
     fn load(reports: &[(u64, i64)]) -> Verdict {
-        let report = |status: i64, percent: i64| {
-            Draft::new(14000)
-                .raw("Status", status)
-                .raw("Percent Complete", percent)
-                .raw("Mission Plan Mode", 2)
-        };
+        let report =
+            |status: i64, percent: i64| report(status, percent).raw("Mission Plan Mode", 2);
         let command = Draft::new(13000).raw("Mission Plan Mode", 2);
         let mut run = vec![sent(100, command)];
         run.extend(
@@ -527,5 +532,31 @@ mod tests {
         assert_eq!(load(&[(0, 0), (700, 0)]), Verdict::Inconclusive);
         assert_eq!(load(&[(0, 0), (10, 0), (20, 0)]), Verdict::Inconclusive);
         assert_eq!(load(&[]), Verdict::Inconclusive);
+    }
+
+    #[test]
+    fn transfers_to_two_vehicles_are_judged_apart() {
+        let of = |vehicle: u32, mut draft: Draft| {
+            draft.source = Some(Id(vehicle));
+            draft
+        };
+        // Two reports of each; without a mode, as in Edition 2.5.
+        let run = |second: u32| {
+            let first = 0x1b00_0101;
+            let all = [
+                (100, of(first, report(0, 0))),
+                (200, of(second, report(0, 0))),
+                (600, of(first, report(0, 0))),
+                (700, of(second, report(0, 0))),
+                (1_000, of(first, report(1, 100))),
+                (1_000, of(second, report(1, 100))),
+            ];
+            verdict_on(
+                &all.map(|(at_ms, draft)| received(at_ms, draft)),
+                progress_rises,
+            )
+        };
+        assert_eq!(run(0x1b00_0102), Verdict::Inconclusive);
+        assert_eq!(run(0x1b00_0101), Verdict::Fail);
     }
 }
