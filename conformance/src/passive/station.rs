@@ -4,8 +4,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::Duration;
 
 use stanag_msgs::Id;
+use stanag_msgs::field::EnumKind;
 
 use super::view::{Found, Judge, View};
 use crate::wire::Seen;
@@ -385,16 +387,27 @@ fn sends_whole_routes(view: &View<'_>, found: &mut Found) {
     }
 }
 
-/// Whether 44003 had marked this value of a field as not available for at least half a second; a later 44003 may give it
-/// back.
-fn unavailable(view: &View<'_>, (message, field): (i64, i64), value: i64, at: f64) -> bool {
+/// Message, field and enumeration index that a 44003 is about. Where it says of a whole field that it is not available, the
+/// index means nothing.
+fn enumerated(seen: &Seen) -> Option<(i64, i64, i64)> {
+    if seen.kind() != 44_003 || seen.raw("Field Available") == Some(0) {
+        return None;
+    }
+    Some((
+        seen.raw("Reported Message")?,
+        seen.raw("Reported Field")?,
+        seen.raw("Reported Enumerated Index")?,
+    ))
+}
+
+/// Whether a 44003 to the sender of this message had marked an index as not available for at least half a second; a later
+/// 44003 may give it back.
+fn unavailable(view: &View<'_>, index: (i64, i64, i64), sent: &Seen) -> bool {
     view.requests()
         .filter(|seen| {
-            seen.kind() == 44_003
-                && seen.raw("Reported Message") == Some(message)
-                && seen.raw("Reported Field") == Some(field)
-                && seen.raw("Reported Enumerated Index") == Some(value)
-                && seen.at.as_secs_f64() + 0.5 < at
+            enumerated(seen) == Some(index)
+                && [sent.piece.source, Id::BROADCAST].contains(&seen.piece.destination)
+                && seen.at + Duration::from_millis(500) < sent.at
         })
         .filter_map(|seen| seen.raw("Enumerated Index Enable"))
         .last()
@@ -402,18 +415,20 @@ fn unavailable(view: &View<'_>, (message, field): (i64, i64), value: i64, at: f6
 }
 
 fn only_what_is_available(view: &View<'_>, found: &mut Found) {
-    let enumerated: BTreeSet<(i64, i64)> = view
+    let indices: BTreeSet<(i64, i64, i64)> = view
         .requests()
-        .filter(|seen| seen.kind() == 44_003 && seen.has("Reported Enumerated Index"))
-        .filter_map(|seen| Some((seen.raw("Reported Message")?, seen.raw("Reported Field")?)))
+        .filter_map(|seen| enumerated(seen))
         .collect();
-    for (message, number) in enumerated {
+    for (message, number, index) in indices {
         // Fields are counted from 1, the time stamp being the first; 0 is the whole message.
         let field = u16::try_from(message)
             .ok()
             .and_then(stanag_msgs::table::message)
             .and_then(|info| info.fields.get(usize::try_from(number - 1).ok()?));
-        let Some(field) = field else { continue };
+        let Some((field, values)) = field.and_then(|field| Some((field, field.enumeration?)))
+        else {
+            continue;
+        };
         for seen in view
             .messages()
             .filter(|seen| i64::from(seen.kind()) == message)
@@ -421,11 +436,15 @@ fn only_what_is_available(view: &View<'_>, found: &mut Found) {
             let Some(value) = seen.raw(field.name) else {
                 continue;
             };
-            let at = seen.at.as_secs_f64();
-            let barred = unavailable(view, (message, number), value, at);
+            // The index of a bit is its number.
+            let chosen = match values.kind {
+                EnumKind::Enumeration => value == index,
+                EnumKind::Bitmap => (0..63).contains(&index) && value >> index & 1 == 1,
+            };
+            let barred = chosen && unavailable(view, (message, number, index), seen);
             found.check(seen, !barred, || {
                 format!(
-                    "expected no value that 44003 marks as unavailable; {message} with {} {value} came",
+                    "expected no value that 44003 marks as unavailable (index {index}); {message} with {} {value} came",
                     field.name
                 )
             });
@@ -562,13 +581,21 @@ struct Command {
     repeated: bool,
 }
 
-/// Presence vector, and everything but the time stamp.
-fn content(seen: &Seen) -> Vec<u8> {
-    let vector = seen.info.map_or(0, |info| usize::from(info.presence_bytes));
-    let data = &seen.piece.data;
-    let mut content = data.get(..vector).unwrap_or_default().to_vec();
-    content.extend_from_slice(data.get(vector + 5..).unwrap_or_default());
-    content
+/// Fields by their names.
+type Content = Vec<(&'static str, Vec<u8>)>;
+
+/// What a command says: its fields, but not its time stamp, nor the number of its activity, which a CUCS may count up with
+/// each message. The data as they are where they are no fields.
+fn content(seen: &Seen) -> Content {
+    match &seen.fields {
+        Ok(fields) => {
+            let fields = fields.iter().map(|(&name, bytes)| (name, bytes.clone()));
+            fields
+                .filter(|(name, _)| !["Time Stamp", "Activity ID"].contains(name))
+                .collect()
+        }
+        Err(_) => vec![("", seen.piece.data.clone())],
+    }
 }
 
 fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
@@ -583,7 +610,7 @@ fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
         .datagrams
         .last()
         .map_or(0.0, |datagram| datagram.at.as_secs_f64());
-    let mut open: BTreeMap<(u16, Vec<u8>), Command> = BTreeMap::new();
+    let mut open: BTreeMap<(u16, Content), Command> = BTreeMap::new();
     let mut times: BTreeMap<Vec<u8>, (usize, Arc<Seen>)> = BTreeMap::new();
     for seen in view
         .messages()
@@ -666,22 +693,21 @@ const STREAM_WITHIN_S: f64 = 3.0;
 /// Without an acknowledgement nothing is known to be lost, and nothing is to be sent again: a 2016 that comes again and
 /// again with new stamps is a new command each time. Judged in a session only, whose operator is asked for it once.
 fn commands_once(view: &View<'_>, found: &mut Found) {
-    let mut last: BTreeMap<Vec<u8>, (f64, i64, usize)> = BTreeMap::new();
+    let mut last: BTreeMap<Content, (f64, usize)> = BTreeMap::new();
+    // The same bytes again are no new command, however late the network delivers them.
     for seen in view
-        .messages()
+        .once()
         .filter(|seen| view.live && seen.kind() == 2016 && !seen.piece.ack())
+        .filter(|seen| seen.stamp().is_some())
     {
-        let Some(stamp) = seen.stamp() else { continue };
         let at = seen.at.as_secs_f64();
-        let (before, known, count) = last.entry(content(seen)).or_insert((at, stamp, 1));
-        if *known != stamp {
-            *count = if at - *before < STREAM_WITHIN_S {
-                *count + 1
-            } else {
-                1
-            };
-            (*before, *known) = (at, stamp);
-        }
+        let (before, count) = last.entry(content(seen)).or_insert((at, 0));
+        *count = if at - *before < STREAM_WITHIN_S {
+            *count + 1
+        } else {
+            1
+        };
+        *before = at;
         let count = *count;
         found.check(seen, count < STREAM, || {
             format!("expected a 2016 that asks for no acknowledgement to be sent once for one command; the same came {count} times, each with a new stamp")
@@ -751,6 +777,18 @@ mod tests {
     }
 
     #[test]
+    fn an_activity_that_is_counted_up_makes_no_new_command() {
+        let command = |(at_ms, activity): (u64, i64)| {
+            let draft = Draft::new(2016)
+                .raw("Select Flight Path Control Mode", 12)
+                .raw("Activity ID", activity);
+            of_cucs(at_ms, draft.acked())
+        };
+        let all = [(0, 1), (1000, 2)].map(command);
+        assert_eq!(verdict_on(&all, repeats_with_the_same_stamp), Verdict::Fail);
+    }
+
+    #[test]
     fn a_command_that_was_acknowledged_may_be_given_again() {
         let mut all = run(&[(0, 1)], true);
         let answer = Draft::new(17_000)
@@ -769,6 +807,9 @@ mod tests {
         assert_eq!(judged(&[(0, 1), (5000, 2), (10_000, 3)]), Verdict::Pass);
         // The same bytes again are no new command.
         assert_eq!(judged(&[(0, 1), (1000, 1), (2000, 1)]), Verdict::Pass);
+        // Two commands, of which the network delivers copies in another order.
+        let copies = [(0, 1), (1000, 2), (1100, 1), (1200, 2)];
+        assert_eq!(judged(&copies), Verdict::Pass);
     }
 
     /// 44003 about Location Type 1, and a relative waypoint 2 s later.
@@ -795,5 +836,34 @@ mod tests {
         assert_eq!(relative_after(&[-1]), Verdict::Fail);
         assert_eq!(relative_after(&[-2, 1]), Verdict::Pass);
         assert_eq!(relative_after(&[]), Verdict::Inconclusive);
+    }
+
+    /// 44003 about landing lights, bit 6 of 2007, and these lights a second later.
+    fn lights_after(declared: Draft, lights: i64) -> Verdict {
+        let declared = declared
+            .raw("Reported Message", 2007)
+            .raw("Reported Field", 2)
+            .raw("Reported Enumerated Index", 6)
+            .raw("Enumerated Index Enable", -2);
+        let command = Draft::new(2007).raw("Set Lights", lights);
+        let all = [to_cucs(0, declared), of_cucs(1000, command)];
+        verdict_on(&all, only_what_is_available)
+    }
+
+    #[test]
+    fn the_index_of_a_bit_is_its_number() {
+        let declared = Draft::new(44_003);
+        assert_eq!(lights_after(declared.clone(), 0x41), Verdict::Fail);
+        assert_eq!(lights_after(declared, 6), Verdict::Pass);
+    }
+
+    #[test]
+    fn availability_is_that_of_a_value_and_for_who_was_sent_it() {
+        // Of the whole field: the index means nothing.
+        let field = Draft::new(44_003).raw("Field Available", 0);
+        assert_eq!(lights_after(field, 0x41), Verdict::Inconclusive);
+        let mut elsewhere = Draft::new(44_003);
+        elsewhere.destination = Some(Id(0x1b00_00a1));
+        assert_eq!(lights_after(elsewhere, 0x41), Verdict::Pass);
     }
 }
