@@ -15,6 +15,8 @@ use crate::wire::{Draft, Seen};
 
 /// The subsystem of alerts about links and stations.
 pub(super) const COMMS: i64 = 3;
+/// The data terminals in the air and on the ground: what is wrong with a link may be theirs.
+const TERMINALS: [i64; 2] = [10, 11];
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -52,8 +54,13 @@ fn cut_and_restored<T>(t: &Trial, play: impl FnOnce() -> Judged<T>) -> Judged<T>
     result
 }
 
+/// Its id, 0 where it has none.
 fn id_of(seen: &Seen) -> i64 {
     seen.raw("Alert (Warning) ID").unwrap_or_default().abs()
+}
+
+fn priority_of(seen: &Seen) -> i64 {
+    seen.raw("Priority").unwrap_or_default()
 }
 
 /// What an alert is about: its subsystem, and its text without the numbers in it.
@@ -66,9 +73,18 @@ pub(super) fn cause_of(seen: &Seen) -> Cause {
     (seen.raw("Subsystem ID"), words.collect())
 }
 
-/// Alerts that came before something was caused, by their ids, with what their parts say: none of them is about it.
+/// Alerts that came before something was caused, by their ids: none of them is about it.
 #[derive(Default)]
-pub(super) struct Before(BTreeMap<i64, BTreeSet<Cause>>);
+pub(super) struct Before(BTreeMap<i64, Known>);
+
+/// An alert that came before.
+#[derive(Default)]
+struct Known {
+    /// What its parts say.
+    causes: BTreeSet<Cause>,
+    /// The worst that it was.
+    priority: i64,
+}
 
 impl Before {
     /// The alerts among these messages, which are in the order of time. One that was cleared meanwhile is not known: it may
@@ -79,16 +95,22 @@ impl Before {
             if seen.raw("Priority") == Some(0) {
                 before.0.remove(&id_of(seen));
             } else {
-                let causes = before.0.entry(id_of(seen)).or_default();
-                causes.insert(cause_of(seen));
+                let known = before.0.entry(id_of(seen)).or_default();
+                known.causes.insert(cause_of(seen));
+                known.priority = known.priority.max(priority_of(seen));
             }
         }
         before
     }
 
+    /// Whether this came before, as the same alert or in the same words. One that is worse now has a cause that is new: a
+    /// weak link that is lost. An alert without an id is no other one's.
     fn has(&self, seen: &Seen) -> bool {
-        let cause = cause_of(seen);
-        self.0.contains_key(&id_of(seen)) || self.0.values().any(|known| known.contains(&cause))
+        let (id, cause) = (id_of(seen), cause_of(seen));
+        self.0.iter().any(|(&known_id, known)| {
+            (id != 0 && known_id == id || known.causes.contains(&cause))
+                && priority_of(seen) <= known.priority
+        })
     }
 
     /// Whether this is an alert of the station's vehicle, or of the VSM itself, that was not there before. An alert that
@@ -115,10 +137,10 @@ pub(super) fn before_the_cause(t: &Trial, station: &Station, mark: usize) -> Jud
     ))
 }
 
-/// Whether an alert is about links and stations: its subsystem says so, or is absent.
+/// Whether an alert is about links and stations: its subsystem is communications or a data terminal, or is absent.
 pub(super) fn about_links(seen: &Seen) -> bool {
     seen.raw("Subsystem ID")
-        .is_none_or(|subsystem| subsystem == COMMS)
+        .is_none_or(|subsystem| subsystem == COMMS || TERMINALS.contains(&subsystem))
 }
 
 /// Whether an alert is a caution or worse.
@@ -456,6 +478,15 @@ mod tests {
     }
 
     #[test]
+    fn an_alert_that_gets_worse_has_a_new_cause() {
+        let before = Before::of(&[alert(-7, 2, COMMS, "link at 40 %"), alert(0, 2, 2, "light")]);
+        assert!(before.has(&alert(7, 2, COMMS, "link at 20 %")));
+        assert!(!before.has(&alert(7, 4, COMMS, "link lost")));
+        // An id that is absent reads as 0, and says nothing.
+        assert!(!before.has(&alert(0, 2, COMMS, "link lost")));
+    }
+
+    #[test]
     fn an_alert_that_was_cleared_before_the_cause_may_come_with_it() {
         let before = Before::of(&[
             alert(-7, 3, 3, "no data from the CUCS"),
@@ -467,6 +498,8 @@ mod tests {
     #[test]
     fn an_alert_about_a_link_is_of_communications() {
         assert!(about_links(&alert(-1, 2, COMMS, "")));
+        // The data terminal on the ground.
+        assert!(about_links(&alert(-1, 2, 11, "")));
         assert!(!about_links(&alert(-1, 2, 9, "")));
         assert!(cautions(&alert(-1, 2, COMMS, "")) && !cautions(&alert(-1, 1, COMMS, "")));
     }

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use super::acknowledgement::carried_out;
-use super::alerts::{about_links, before_the_cause, cautions, loss_alert};
+use super::alerts::{COMMS, about_links, before_the_cause, cautions, loss_alert};
 use super::scene::Scene;
 use crate::bench::flight::{
     Plan, airborne, clear, download, field, fix, hold, home, loaded, mode, mode_becomes,
@@ -658,8 +658,9 @@ fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
         t.grant(other, loi::LOI2)?;
     }
     let calm = before_the_cause(t, &station, t.mark)?;
-    crate::means::shell(cut).map_err(Stop::Inconclusive)?;
+    // Before the cut, since its command may take longer than the subject to see it.
     let mark = t.bench.net.mark();
+    crate::means::shell(cut).map_err(Stop::Inconclusive)?;
     let warned = |seen: &Seen| cautions(seen) && about_links(seen);
     let result = (|| {
         let alert = loss_alert(t, &station, mark, &calm, warned)?;
@@ -668,7 +669,7 @@ fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
             format!("expected the stamps of 4000 and 4001 to stop within 10 s of the vehicle's silence; {} different stamps came in 2 s ({:.5} as before the loss)", stamps.len(), before.latitude.to_degrees())
         })?;
         t.expect(alert.is_some(), || {
-            "expected a 16000 (communications, caution or worse) that begins within 10 s of the loss of the vehicle; none came"
+            "expected a 16000 (communications or a data terminal, caution or worse) that begins within 10 s of the loss of the vehicle; none came"
                 .into()
         })?;
         // Every connected CUCS is without data, and has to be alerted.
@@ -680,13 +681,15 @@ fn stale_data_are_not_sent_as_fresh(t: &Trial) -> Judged {
         }
         nothing_new_on_request(t, &station)?;
         let asked = t.bench.net.mark();
-        station.send(Draft::new(15000).raw("Subsystem ID", 1 << 3));
+        let of_alert = alert.and_then(|alert| alert.raw("Subsystem ID"));
+        let subsystem = of_alert.unwrap_or(COMMS);
+        station.send(Draft::new(15000).raw("Subsystem ID", 1 << subsystem));
         let link = station.wait(asked, t.timers().answer / 2, |seen| {
-            seen.kind() == 16001 && seen.raw("Subsystem ID") == Some(3)
+            seen.kind() == 16001 && seen.raw("Subsystem ID") == Some(subsystem)
         });
         match link {
             Some(link) => t.expect_of(&link, link.raw("Subsystem State") != Some(1), || {
-                "expected subsystem 3 (communications) not to be nominal (1) in 16001 while the vehicle is silent".into()
+                format!("expected subsystem {subsystem}, of which the alert is, not to be nominal (1) in 16001 while the vehicle is silent")
             }),
             None => Ok(()),
         }
