@@ -265,6 +265,35 @@ impl Found {
     }
 }
 
+/// What a judge finds in these datagrams of a live run.
+#[cfg(test)]
+pub(super) fn verdict_on(datagrams: &[Datagram], judge: fn(&View<'_>, &mut Found)) -> Verdict {
+    verdict(datagrams, true, judge)
+}
+
+/// What a judge finds in these datagrams of a recording.
+#[cfg(test)]
+pub(super) fn verdict_on_recorded(
+    datagrams: &[Datagram],
+    judge: fn(&View<'_>, &mut Found),
+) -> Verdict {
+    verdict(datagrams, false, judge)
+}
+
+#[cfg(test)]
+fn verdict(datagrams: &[Datagram], live: bool, judge: fn(&View<'_>, &mut Found)) -> Verdict {
+    let view = View {
+        datagrams,
+        profile: &Profile::default(),
+        survey: None,
+        live,
+        as_they_are: false,
+    };
+    let mut found = Found::default();
+    judge(&view, &mut found);
+    found.judgement().0.verdict
+}
+
 /// Messages of a vehicle and of a CUCS for the tests of judges. The time stamp is the time, where a draft has none.
 #[cfg(test)]
 pub(super) mod trace {
@@ -314,33 +343,4 @@ pub(super) mod trace {
         let bytes = draft.encode(source, destination, 32, 1);
         Datagram::new((at, at), direction, 0, ends, bytes, None)
     }
-}
-
-/// What a judge finds in these datagrams of a live run.
-#[cfg(test)]
-pub(super) fn verdict_on(datagrams: &[Datagram], judge: fn(&View<'_>, &mut Found)) -> Verdict {
-    verdict(datagrams, true, judge)
-}
-
-/// What a judge finds in these datagrams of a recording.
-#[cfg(test)]
-pub(super) fn verdict_on_recorded(
-    datagrams: &[Datagram],
-    judge: fn(&View<'_>, &mut Found),
-) -> Verdict {
-    verdict(datagrams, false, judge)
-}
-
-#[cfg(test)]
-fn verdict(datagrams: &[Datagram], live: bool, judge: fn(&View<'_>, &mut Found)) -> Verdict {
-    let view = View {
-        datagrams,
-        profile: &Profile::default(),
-        survey: None,
-        live,
-        as_they_are: false,
-    };
-    let mut found = Found::default();
-    judge(&view, &mut found);
-    found.judgement().0.verdict
 }

@@ -176,6 +176,8 @@ fn what_is_flown_for_a_lost_controller_does_not_wait_for_a_disk_that_never_ends_
 }
 
 /// Its sender repeats it meanwhile, and "received" is never the last answer.
+type Step = fn(&mut Scene) -> Ticket;
+
 #[test]
 fn whatever_disposes_of_rights_is_acknowledged_at_once_and_ends_with_its_decision() {
     let released = |scene: &mut Scene| scene.ask(A, RequestedAccess::Relinquish, CONTROL);
@@ -184,8 +186,7 @@ fn whatever_disposes_of_rights_is_acknowledged_at_once_and_ends_with_its_decisio
         scene.ask(A, RequestedAccess::Relinquish, CONTROL);
         scene.ask(A, RequestedAccess::Request, 0)
     };
-    let each: [(&str, fn(&mut Scene) -> Ticket); 3] =
-        [("1", released), ("4", named), ("1 after 1", query)];
+    let each: [(&str, Step); 3] = [("1", released), ("4", named), ("1 after 1", query)];
     for (what, send) in each {
         let mut scene = slow(Duration::from_secs(2));
         let ticket = send(&mut scene);
