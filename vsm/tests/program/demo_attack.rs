@@ -64,10 +64,9 @@ fn false_data_bring_down_the_vehicle_that_is_not_protected_and_not_the_other() {
     assert!(positions > 100, "{without}");
     assert!(with.contains(" 0 positions read"), "{with}");
     let clear = with.split("in the clear: ").nth(1).expect(with);
-    assert!(
-        clear.ends_with(" KEY_EXCHANGE") && !clear.contains(','),
-        "{clear}"
-    );
+    // Keys are agreed in the clear, where that was not over before somebody listened. Nothing else is.
+    let keys_alone = clear.ends_with(" KEY_EXCHANGE") && !clear.contains(',');
+    assert!(clear.is_empty() || keys_alone, "in the clear: {clear}");
 
     let picture = std::fs::read_to_string(folder.path().join("out/attack.svg")).unwrap();
     assert_eq!(picture.matches("without ").count(), 6, "each has its line");
