@@ -328,7 +328,8 @@ fn a_landing_pattern_that_does_not_converge_is_named_until_it_is_flown_on() {
     let before = alerts.iter().filter(|text| text.contains(over)).count();
     assert_eq!(before, 0, "{alerts:?}");
     fly_low(&mut rig, 0);
-    assert!(rig.until(60.0, |rig| rig.station().has_alert(over)));
+    let flown_on = rig.until(60.0, |rig| rig.station().has_alert(over));
+    assert!(flown_on, "{:?} {:?}", rig.truth(), rig.station().alerts());
     let down = rig.until(400.0, |rig| !rig.truth().armed);
     assert!(down, "{:?} {:?}", rig.truth(), rig.station().alerts());
 }
