@@ -324,7 +324,7 @@ fn a_landing_pattern_that_does_not_converge_is_named_until_it_is_flown_on() {
     assert_eq!(times, 1, "{alerts:?}");
     let truth = rig.truth();
     assert_eq!((truth.mission_seq, truth.mode), (4, Px4::Mission));
-    let over = "the landing pattern is flown on";
+    let over = "no longer in the landing pattern before the final approach";
     let before = alerts.iter().filter(|text| text.contains(over)).count();
     assert_eq!(before, 0, "{alerts:?}");
     fly_low(&mut rig, 0);
