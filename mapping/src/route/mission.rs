@@ -216,6 +216,30 @@ impl CompiledMission {
         (self.items.get(at)?.is_flown_to() && !more).then(|| self.leg_of_item(seq))?
     }
 
+    /// Whether this item has no position and is executed where this leg, an index of `order`, ends: before the next leg, or where
+    /// the route leads back from it.
+    ///
+    /// PX4 v1.18 executes it at once and reports it as reached in place of the waypoint. A landing pattern may be entered from
+    /// any leg, so its start follows none.
+    #[must_use]
+    pub fn is_executed_behind(&self, seq: u16, leg: usize) -> bool {
+        let executed = |item: &Item| !item.is_flown_to() && item.command != DO_LAND_START;
+        if !self.items.get(usize::from(seq)).is_some_and(executed) {
+            return false;
+        }
+        let mut before = self.items.iter().take(usize::from(seq));
+        let place = before.rposition(Item::is_flown_to);
+        let place = place.and_then(|at| u16::try_from(at).ok());
+        if place.and_then(|at| self.leg_ended_by(at)) == Some(leg) {
+            return true;
+        }
+        let mut items = self.items.iter();
+        let jump = items.find(|item| item.command == DO_JUMP);
+        let first = jump.map(|item| item.params[0] as u16);
+        let ends = self.circuit().is_some_and(|(end, ..)| end == leg);
+        ends && first.is_some_and(|at| at <= seq && self.place_from(at) == self.place_from(seq))
+    }
+
     /// The loop of the route: (its last leg, its first leg, how often it leads back), legs as indices of `order`.
     #[must_use]
     pub fn circuit(&self) -> Option<(usize, usize, u16)> {
@@ -361,4 +385,58 @@ impl CompiledMission {
 /// Whether an item is the touch-down of a landing, of wings or not.
 pub(super) fn touches_down(item: &Item) -> bool {
     matches!(item.command, NAV_LAND | NAV_VTOL_LAND)
+}
+
+#[cfg(test)]
+mod tests {
+    use mavlink_link::service::mission::FRAME_MISSION;
+
+    use super::*;
+
+    /// Three waypoints, each behind the speed of its leg; then back to the first, twice.
+    fn with_speeds() -> CompiledMission {
+        let without_place = |command| Item {
+            frame: FRAME_MISSION,
+            command,
+            ..Item::default()
+        };
+        let place = Item {
+            command: item::NAV_WAYPOINT,
+            ..Item::default()
+        };
+        let mut compiled = CompiledMission::default();
+        for number in [11, 12, 13] {
+            compiled.push(number, without_place(DO_CHANGE_SPEED));
+            compiled.push(number, place);
+            compiled.order.push(Leg {
+                number,
+                latitude: 47.0,
+                longitude: 8.0,
+                level: Level::AboveHome(50.0),
+                speed_m_s: Some(5.0),
+            });
+        }
+        let back = Item {
+            params: [0.0, 2.0, 0.0, 0.0],
+            ..without_place(DO_JUMP)
+        };
+        compiled.push(13, back);
+        compiled
+    }
+
+    #[test]
+    fn a_speed_is_executed_behind_the_leg_before_it_and_behind_the_end_of_a_loop() {
+        let compiled = with_speeds();
+        let behind = |seq| -> Vec<usize> {
+            let legs = 0..compiled.order.len();
+            legs.filter(|leg| compiled.is_executed_behind(seq, *leg))
+                .collect()
+        };
+        assert_eq!(behind(0), [2]);
+        assert_eq!(behind(2), [0]);
+        assert_eq!(behind(4), [1]);
+        for place in [1, 3, 5, 7, u16::MAX] {
+            assert!(behind(place).is_empty(), "{place}");
+        }
+    }
 }

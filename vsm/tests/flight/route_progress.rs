@@ -4,7 +4,7 @@
 use kit::bridge::{Rig, orders, vehicle_id};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LimitType, WaypointType};
 use stanag_msgs::messages::{UaPositionWaypoint, VehicleOperatingModeCommand};
-use stanag_msgs::{Bam32, Message, Text};
+use stanag_msgs::{Bam32, Message, Scaled, Text};
 
 const DONE: Option<AckType> = Some(AckType::CarriedOut);
 
@@ -74,6 +74,49 @@ fn along_a_route_the_waypoints_are_those_that_it_leads_to() {
     rig.done(orders::mode(Mode::Waypoint));
     assert!(rig.station().has_alert("flying it again from its start"));
     is_along(&mut rig, 5.0, [0, 101, 102]);
+}
+
+/// A waypoint with the speed of its leg, for which PX4 has an item of its own.
+fn with_speed(speed_m_s: f64, waypoint: UaPositionWaypoint) -> Message {
+    UaPositionWaypoint {
+        waypoint_to_speed: Some(Scaled::saturating_from_si(speed_m_s)),
+        ..waypoint
+    }
+    .into()
+}
+
+#[test]
+fn a_waypoint_is_passed_where_the_speed_of_the_next_leg_is_reported_in_its_place() {
+    let mut rig = ready(vec![
+        orders::route(1).into(),
+        with_speed(3.0, orders::waypoint(1, 2, 40.0, 0.0, 20.0)),
+        with_speed(4.0, orders::waypoint(2, 3, 40.0, 40.0, 20.0)),
+        with_speed(5.0, orders::waypoint(3, 0, 0.0, 40.0, 20.0)),
+    ]);
+    rig.done(orders::mode(Mode::Waypoint));
+    for wanted in [[0, 1, 2], [1, 2, 3], [2, 3, 0], [3, 0, 0]] {
+        is_along(&mut rig, 60.0, wanted);
+    }
+    // The speed of the leg is executed after a jump too, where no waypoint was passed.
+    rig.done(go_to(2));
+    is_along(&mut rig, 5.0, [0, 2, 3]);
+    rig.run(3.0);
+    assert_eq!(along(&rig), [0, 2, 3]);
+}
+
+#[test]
+fn a_landing_behind_the_route_flies_to_none_of_its_waypoints() {
+    let mut rig = ready(orders::square());
+    rig.done(orders::mode(Mode::Waypoint));
+    is_along(&mut rig, 120.0, [104, 0, 0]);
+    rig.done(orders::mode(Mode::Loiter));
+    rig.run(2.0);
+    rig.done(orders::mode(Mode::AutolandEngage));
+    for _ in 0..600 {
+        rig.run(0.1);
+        assert_eq!(along(&rig), [104, 0, 0], "{:?}", rig.truth().mode);
+    }
+    assert!(!rig.truth().armed);
 }
 
 #[test]

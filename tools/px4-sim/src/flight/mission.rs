@@ -331,23 +331,39 @@ impl Mission {
         }
     }
 
-    fn complete(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
-        self.reached = u16::try_from(self.index).ok();
-        if let Some(seq) = self.reached {
+    /// PX4 reports an item as reached unless the next one is done at once: then that one's report takes its place.
+    fn report_reached(&self, next: Option<usize>, view: &View<'_>, notes: &mut Vec<Note>) {
+        let next = next.and_then(|index| self.items.get(index));
+        let overtaken = next.is_some_and(|item| match item.command {
+            DELAY => false,
+            TRANSITION => view.vtol.is_none() || self.item_is_flown(item, view),
+            _ => !has_place(item),
+        });
+        if let Some(seq) = self.reached.filter(|_| !overtaken) {
             notes.push(Note::Reached(seq));
         }
+    }
+
+    fn complete(&mut self, view: &View<'_>, notes: &mut Vec<Note>) {
+        self.reached = u16::try_from(self.index).ok();
         let Some(item) = self.items.get(self.index).copied() else {
             return;
         };
         if has_place(&item) {
             self.from = place(&item, view);
         }
+        let next = if item.autocontinue {
+            self.next_index(self.index + 1)
+        } else {
+            None
+        };
+        self.report_reached(next, view, notes);
         if !item.autocontinue {
             // PX4 stays where it is until MISSION_SET_CURRENT or another mode.
             self.hold = Some(view.position);
             return;
         }
-        match self.next_index(self.index + 1) {
+        match next {
             Some(next) => {
                 self.index = next;
                 self.start_item(view, notes, false);

@@ -248,6 +248,8 @@ impl Navigator {
                 };
             }
             Mode::Rtl => self.prepare_return(view, notes),
+            // MISSION_CURRENT.mission_state of a completed mission is active again (land.cpp, `on_activation`).
+            Mode::Land => self.mission.set_finished(false),
             _ => {}
         }
         if mode != Mode::Loiter {

@@ -2,7 +2,10 @@
 //!
 //! The order of the route is not enough: a vehicle that was sent to a waypoint has not passed the one before it, and a loop
 //! leads back several times. A waypoint is reached when the vehicle reports it (MISSION_ITEM_REACHED); the laps of a loop
-//! are counted by MISSION_CURRENT. After a start of this VSM in the middle of a route, the preceding waypoint is taken as
+//! are counted by MISSION_CURRENT. PX4 v1.18 reports an item without a position that it executes at the waypoint, such as the speed
+//! of the next leg, in place of the waypoint: it counts where the vehicle was flying to that waypoint.
+//!
+//! After a start of this VSM in the middle of a route, the preceding waypoint is taken as
 //! the previous one until the vehicle reaches the next.
 
 use mapping::mode::Px4Mode;
@@ -22,10 +25,24 @@ pub(crate) struct RouteProgress {
     /// A reached item that the vehicle still reports as the current one.
     arrived: Option<usize>,
     to: Option<usize>,
+    /// The leg that it flew to in AUTO.MISSION before this one, unless it was sent here.
+    left: Option<usize>,
+    end: End,
     /// Completed laps of the loop.
     laps: u16,
     /// The item reached before the route was restarted: its repeated messages prove nothing.
     outdated: Option<u16>,
+}
+
+/// The end of the route. PX4 v1.18 reports a completed mission as active again in AUTO.LAND.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+enum End {
+    #[default]
+    Ahead,
+    /// Flown to its end, and AUTO.MISSION has not been left since.
+    Reached,
+    /// And AUTO.MISSION has been left: entered again, the mission is flown again.
+    Left,
 }
 
 impl RouteProgress {
@@ -57,8 +74,9 @@ impl RouteProgress {
         let Some(mission) = vehicle.mission else {
             return;
         };
-        self.begun |= vehicle.mode == Some(Px4Mode::MISSION);
         let to = compiled.leg_of_item(mission.seq);
+        self.watch_end(compiled, vehicle, mission.state, to != self.to);
+        self.begun |= vehicle.mode == Some(Px4Mode::MISSION);
         if to != self.to {
             let led_back = compiled
                 .circuit()
@@ -75,6 +93,8 @@ impl RouteProgress {
             if self.arrived.is_some() && self.arrived != to {
                 self.from = self.arrived.take();
             }
+            let flown = vehicle.mode == Some(Px4Mode::MISSION);
+            self.left = self.to.filter(|_| flown);
             self.to = to;
         }
         let Some(seq) = vehicle.reached else {
@@ -85,7 +105,11 @@ impl RouteProgress {
             return;
         }
         self.outdated = None;
-        let Some(leg) = compiled.leg_ended_by(seq) else {
+        let passed = || {
+            let mut legs = [self.to, self.left].into_iter().flatten();
+            legs.find(|leg| compiled.is_executed_behind(seq, *leg))
+        };
+        let Some(leg) = compiled.leg_ended_by(seq).or_else(passed) else {
             return;
         };
         // From here on the previous waypoint is known and no longer inferred from the order.
@@ -97,16 +121,54 @@ impl RouteProgress {
         }
     }
 
+    /// Keeps the end of the route until the mission is flown again. `moves`: the vehicle reports another leg as the current one.
+    fn watch_end(
+        &mut self,
+        compiled: &CompiledMission,
+        vehicle: &Telemetry,
+        state: MissionState,
+        moves: bool,
+    ) {
+        let flies = vehicle.mode == Some(Px4Mode::MISSION);
+        let over = state == MissionState::MISSION_STATE_COMPLETE;
+        let last = compiled.order.len().checked_sub(1);
+        // A report from before a restart of the mission may still call it complete: only behind its last waypoint it is.
+        let ends = over && self.was_flown() && self.from.is_some() && self.from == last;
+        match self.end {
+            End::Ahead if ends => self.end = End::Reached,
+            End::Ahead => {}
+            _ if moves && !over => self.sent_on(vehicle),
+            End::Left if flies && !over => self.end = End::Ahead,
+            _ if !flies => self.end = End::Left,
+            End::Reached | End::Left => {}
+        }
+    }
+
     /// The values for 4001.
     pub(crate) fn along(&self, compiled: &CompiledMission, vehicle: &Telemetry) -> Along {
+        let along = self.along_route(compiled, vehicle);
+        // A landing or a return flies to no waypoint of the route; a hold only interrupts it.
+        let leaves = [Px4Mode::LAND, Px4Mode::RTL, Px4Mode::TERMINATION];
+        if vehicle.mode.is_some_and(|mode| leaves.contains(&mode)) {
+            return Along {
+                from: along.from,
+                ..Along::default()
+            };
+        }
+        along
+    }
+
+    /// The values while the route is flown, held, or will be flown.
+    fn along_route(&self, compiled: &CompiledMission, vehicle: &Telemetry) -> Along {
         let Some(mission) = vehicle.mission else {
             return Along::default();
         };
         let there = |leg: usize| (leg < compiled.order.len()).then_some(leg);
-        if mission.state == MissionState::MISSION_STATE_COMPLETE {
+        let ended = self.end != End::Ahead;
+        if ended || mission.state == MissionState::MISSION_STATE_COMPLETE {
             // A completed route has no current waypoint. A route that has not been started leads to its first waypoint,
             // whatever the vehicle reports about the previous one.
-            return if self.was_flown() {
+            return if ended || self.was_flown() {
                 // A landing pattern may have been entered from any leg, so its end proves nothing about the last waypoint.
                 let inferred = compiled.landing_start().is_none();
                 let last = compiled.order.len().checked_sub(1);
