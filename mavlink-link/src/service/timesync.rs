@@ -240,6 +240,30 @@ impl Client {
     /// shows cannot be.
     #[must_use]
     pub fn measured(&mut self, now: Duration, at: BootTime) -> Option<Duration> {
+        let age_us = self.age_us(now, at, MAX_AGE)?;
+        let longest = self.longest_us()?;
+        if self.note_age(age_us) > longest {
+            return None;
+        }
+        Some(before(now, age_us))
+    }
+
+    /// The same of something that may have waited on this computer since `from`, where the caller did not run. It may be older by
+    /// that, and says nothing about how long messages take: those before it must have shown that.
+    #[must_use]
+    pub fn measured_waiting(
+        &self,
+        now: Duration,
+        at: BootTime,
+        from: Duration,
+    ) -> Option<Duration> {
+        let age_us = self.age_us(now, at, MAX_AGE + now.saturating_sub(from))?;
+        let youngest = self.youngest_us.iter().flatten().min()?;
+        (*youngest <= self.longest_us()?).then(|| before(now, age_us))
+    }
+
+    /// How old it is, us, where it can be: no older than `oldest`.
+    fn age_us(&self, now: Duration, at: BootTime, oldest: Duration) -> Option<i64> {
         let vehicle_us = micros(now).checked_add(self.offset()?)?;
         let age_us = match at {
             BootTime::Us(us) => vehicle_us.checked_sub(i64::try_from(us).ok()?)?,
@@ -251,15 +275,12 @@ impl Client {
                 i64::from(age_ms) * 1_000 + vehicle_us.rem_euclid(1_000)
             }
         };
-        if age_us < -micros(SLACK) || age_us > micros(MAX_AGE) {
-            return None;
-        }
-        let longest = micros(self.round_trip()? + LATE);
-        if self.note_age(age_us) > longest {
-            return None;
-        }
-        let age = Duration::from_micros(u64::try_from(age_us).unwrap_or_default());
-        Some(now.saturating_sub(age))
+        (age_us >= -micros(SLACK) && age_us <= micros(oldest)).then_some(age_us)
+    }
+
+    /// How old the youngest of the latest messages may be, us.
+    fn longest_us(&self) -> Option<i64> {
+        Some(micros(self.round_trip()? + LATE))
     }
 
     /// The least age of the latest messages, this one's among them.
@@ -274,6 +295,13 @@ impl Client {
         let latest = latest.insert(latest.map_or(age_us, |known| known.min(age_us)));
         before.map_or(*latest, |before| before.min(*latest))
     }
+}
+
+/// The time so long before `now`; what is a tick ahead is now.
+fn before(now: Duration, age_us: i64) -> Duration {
+    now.saturating_sub(Duration::from_micros(
+        u64::try_from(age_us).unwrap_or_default(),
+    ))
 }
 
 fn micros(time: Duration) -> i64 {
@@ -491,6 +519,27 @@ mod tests {
         let before = u32::MAX - 69;
         let by_ms = at(&mut pair, BootTime::Ms(before)).expect("plausible");
         assert_eq!(pair.now - by_ms, age);
+    }
+
+    #[test]
+    fn what_waited_is_dated_where_messages_before_it_were() {
+        let mut pair = Pair::new();
+        for _ in 0..4 {
+            pair.exchange(2, 2, 0);
+        }
+        let boot = |at: Duration| BootTime::Us((micros(at) + BOOTED_US) as u64);
+        let stopped = pair.now;
+        let waited =
+            |pair: &Pair, at: Duration| pair.client.measured_waiting(pair.now, boot(at), stopped);
+        pair.now += Duration::from_secs(13);
+        let made = stopped + Duration::from_secs(2);
+        assert_eq!(waited(&pair, made), None, "nothing was dated before");
+        let fresh = boot(pair.now);
+        assert_eq!(pair.client.measured(pair.now, fresh), Some(pair.now));
+        assert_eq!(waited(&pair, made), Some(made));
+        assert_eq!(pair.client.measured(pair.now, boot(made)), None);
+        let long_before = stopped - MAX_AGE - Duration::from_secs(1);
+        assert_eq!(waited(&pair, long_before), None);
     }
 
     #[test]

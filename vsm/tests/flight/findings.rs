@@ -54,6 +54,27 @@ fn a_fault_is_raised_once_and_cleared_when_it_is_gone() {
     );
 }
 
+/// Nobody answers a bridge that does not run, nor over a link that is cut both ways.
+#[test]
+fn time_in_which_nothing_could_be_answered_is_not_held_against_the_vehicle() {
+    let mut rig = Rig::ready();
+    rig.run(20.0);
+    for timers_first in [true, false] {
+        rig.suspend_bridge(13.0, timers_first);
+        rig.run(5.0);
+    }
+    let words = "MAVLink system 1 is received, but has received nothing";
+    let none: [AlertPriority; 0] = [];
+    assert_eq!(alerts(&rig, words), none);
+    assert_eq!(alerts(&rig, "data no longer arrives on"), none);
+    assert_eq!(alerts(&rig, "no data from the vehicle"), none);
+    rig.mav.faults.loss = 1.0;
+    rig.run(13.0);
+    rig.mav.faults.loss = 0.0;
+    rig.run(5.0);
+    assert_eq!(alerts(&rig, words), none);
+}
+
 /// The ids of the 16000s that begin like this, and the priorities of those of an id, in their order.
 fn ids(rig: &Rig, words: &str) -> Vec<i32> {
     let begins = |text: &str| text.starts_with(words);

@@ -212,6 +212,47 @@ fn without_timesync_the_stamp_is_when_it_arrived() {
     assert!(!status.expect("it runs").vehicles[0].link.clock_known);
 }
 
+/// A stopped process (SIGSTOP), or a computer that slept: the oldest of what arrived meanwhile is read at once, seconds later.
+#[test]
+fn what_waited_while_the_bridge_did_not_run_is_not_stamped_as_of_now() {
+    for (answers, timers_first) in [(true, true), (true, false), (false, true), (false, false)] {
+        let mut rig = flying(Faults::NONE);
+        if !answers {
+            let silent = HealthFaults {
+                clock: ClockFault::Silent,
+                ..HealthFaults::default()
+            };
+            rig.vehicles[0].vehicle_mut().set_health_faults(silent);
+            rig.restart_bridge();
+            rig.run(8.0);
+            rig.done(orders::request_control());
+        }
+        precise(&mut rig);
+        let before = rig.station().alerts().len();
+        let mut round = 0_u32;
+        let errors = errors_ms(&mut rig, 25.0, |rig| {
+            round += 1;
+            if round == 400 {
+                rig.suspend_bridge(13.0, timers_first);
+            }
+        });
+        let case = format!("answers {answers}, timers first {timers_first}");
+        // The track has a gap of 13 s: between its ends it is a straight line at one speed, about.
+        assert!(largest(&errors) < 500.0, "{case}: {errors:?}");
+        assert_stamps_rise(&rig);
+        let alerts = &rig.station().alerts()[before..];
+        for words in [
+            "no data from the vehicle",
+            "no longer arrives",
+            "has received nothing",
+            "stopped reporting its position",
+        ] {
+            let none = alerts.iter().all(|text| !text.contains(words));
+            assert!(none, "{case}: {alerts:?}");
+        }
+    }
+}
+
 /// What somebody beside the vehicle sends: an answer to whatever may have been asked just now, ten seconds wrong.
 fn forged(rig: &Rig) -> Vec<u8> {
     let answer = MavMessage::TIMESYNC(TIMESYNC_DATA {

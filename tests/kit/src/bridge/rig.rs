@@ -1,6 +1,6 @@
 //! The bridge with its vehicles and stations, and the links between them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
@@ -24,7 +24,7 @@ use super::parties::{
 use super::station::{Station, Ticket};
 use super::web::WebParty;
 use crate::clock::{START, VirtualClock};
-use crate::network::{Faults, Network};
+use crate::network::{Faults, Network, Packet};
 use mavlink_link::signing::SigningKey;
 use mavlink_link::store::MemoryDisk;
 
@@ -124,6 +124,8 @@ pub struct Rig {
     pub restarted_in: Option<&'static str>,
     /// When a killed bridge starts again.
     back_at: Option<Duration>,
+    /// What waits at the bridge's MAVLink sockets while its process is suspended.
+    waiting: Option<VecDeque<Packet<SocketAddr, Vec<u8>>>>,
     /// Time of one step: shorter than anything that is measured.
     pub step: Duration,
     /// What an air-side agent passes by default.
@@ -196,6 +198,7 @@ impl Rig {
             restart_at: None,
             restarted_in: None,
             back_at: None,
+            waiting: None,
             step: STEP,
             relayed: RelayPolicy::default(),
             one_link: setup.one_link,
@@ -246,6 +249,39 @@ impl Rig {
         let bridge = self.bridge.take();
         self.run(seconds);
         self.bridge = bridge;
+    }
+
+    /// Stops the bridge for this many seconds, as SIGSTOP does its process. What vehicles send meanwhile waits at its sockets, up to
+    /// what Linux keeps, and is read afterwards, a part in each step. `timers_first`: its timers run before it reads the first part.
+    pub fn suspend_bridge(&mut self, seconds: f64, timers_first: bool) {
+        self.waiting = Some(VecDeque::new());
+        let bridge = self.bridge.take();
+        self.run(seconds);
+        self.bridge = bridge;
+        if timers_first {
+            self.step();
+        }
+        while self.read_waiting() {
+            self.step();
+        }
+        self.waiting = None;
+    }
+
+    /// Delivers a part of what waits; returns whether there is more.
+    fn read_waiting(&mut self) -> bool {
+        let now = self.now();
+        let Some(waiting) = &mut self.waiting else {
+            return false;
+        };
+        for packet in waiting.drain(..waiting.len().min(READ_AT_ONCE)) {
+            let mut vehicles = 0..self.vehicles.len();
+            let index = vehicles.find(|index| bridge_mav(*index) == packet.to);
+            if let (Some(index), Some(bridge)) = (index, &mut self.bridge) {
+                let (from, store) = (Peer::Udp(packet.from), &mut self.store);
+                bridge.handle_vehicle(now, index, from, &packet.payload, store, &mut |_, _| {});
+            }
+        }
+        !waiting.is_empty()
     }
 
     /// Starts the bridge.
@@ -581,6 +617,14 @@ impl Rig {
             let to = |address: fn(usize) -> SocketAddr| {
                 (0..self.vehicles.len()).find(|index| address(*index) == packet.to)
             };
+            if let Some(waiting) = &mut self.waiting
+                && to(bridge_mav).is_some()
+            {
+                if waiting.len() < SOCKET_HOLDS {
+                    waiting.push_back(packet);
+                }
+                continue;
+            }
             // The message id of a MAVLink 2 frame.
             let id = packet.payload.get(7..10);
             let id = id.map(|id| u32::from_le_bytes([id[0], id[1], id[2], 0]));
@@ -765,6 +809,10 @@ fn toml(setup: &Setup) -> String {
 /// The first index of keys for `[[forward]]`s that have one, as `key` takes it.
 pub const FORWARD_KEYS: usize = 20;
 
+/// Small datagrams that Linux keeps for a UDP socket by default, about; later ones are dropped.
+const SOCKET_HOLDS: usize = 256;
+/// Of those, what the bridge reads between two rounds of its timers.
+const READ_AT_ONCE: usize = 40;
 /// The bridge's MAVLink system and component id.
 const OWN: [u8; 2] = [245, 190];
 /// FILE_TRANSFER_PROTOCOL, which the owner lists, and KEY_EXCHANGE, which the agent takes itself.

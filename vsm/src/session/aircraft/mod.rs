@@ -154,6 +154,11 @@ impl Aircraft {
         self.watch_soon(dli.now.mono);
     }
 
+    /// The bridge did not run in between.
+    pub(super) fn note_stop(&mut self, from: Duration, until: Duration) {
+        self.link.note_stop(&mut self.vehicle, from, until);
+    }
+
     /// Does what is due. Stations see the results in the order of these steps.
     pub(super) fn handle_timeout(&mut self, dli: &mut DliEffects<'_>) {
         self.watch_at = None;

@@ -18,8 +18,9 @@ use crate::session::log::{LogEntry, LogLevel};
 
 impl Bridge {
     /// Before anything is decided at this time. If the bridge was last here much longer ago than it waits at most, it did not run:
-    /// its process was stopped, the computer slept, or others had the processor. What the stations sent meanwhile is still in the
-    /// sockets, so none of them was silent for that time, as after a restart; and no address could be asked for a proof.
+    /// its process was stopped, the computer slept, or others had the processor. What was sent meanwhile is still in the
+    /// sockets, so none of them was silent for that time, as after a restart; no address could be asked for a proof; and what is read
+    /// next is not of now.
     pub(super) fn note_time(&mut self, mono: Duration) {
         let before = std::mem::replace(&mut self.checks.ran_at, mono);
         let stopped = mono.saturating_sub(before);
@@ -34,6 +35,9 @@ impl Bridge {
             *received = (*received + stopped).min(mono);
         }
         self.paths.extend_proofs(stopped);
+        for one in self.aircraft.iter_mut() {
+            one.note_stop(before, mono);
+        }
         self.records.log.push_back(LogEntry {
             level: LogLevel::Warning,
             about: self.vsm,

@@ -162,15 +162,34 @@ impl Arrivals {
         }
     }
 
+    /// The bridge did not run for so long, and so could not find what arrived.
+    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        let kinds = self.last.iter_mut().chain(&mut self.packets_last);
+        let all = kinds.chain([&mut self.began, &mut self.any]);
+        for at in all.flatten() {
+            *at += stopped;
+        }
+        for (_, at) in self.others.values_mut() {
+            *at += stopped;
+        }
+    }
+
     /// The most specific kind of what has arrived within [`FRESH`].
     pub(crate) fn refused(&self, mono: Duration) -> Option<Kind> {
         self.refused_within(mono, FRESH)
     }
 
     fn refused_within(&self, mono: Duration, span: Duration) -> Option<Kind> {
-        let fresh = |at: &Option<Duration>| at.is_some_and(|at| mono.saturating_sub(at) <= span);
         let mut kinds = Kind::ALL.into_iter().zip(&self.last);
-        kinds.find(|(_, at)| fresh(at)).map(|(kind, _)| kind)
+        let found = kinds.find(|(kind, at)| {
+            let span = match kind {
+                // They occur at each start, until the clocks have met: no reason of a silence after it.
+                Kind::Stale | Kind::Ahead => span.min(STILL),
+                _ => span,
+            };
+            at.is_some_and(|at| mono.saturating_sub(at) <= span)
+        });
+        found.map(|(kind, _)| kind)
     }
 
     /// Whether anything at all has arrived within [`NOTHING_FOR`]; on an encrypted link in a packet that verified.
@@ -452,6 +471,8 @@ pub(crate) fn silent(evidence: &Evidence<'_>) -> Option<Finding> {
 
 /// How fresh a kind must be to be the reason; looks at the counters are up to a second apart, and a heartbeat may be lost.
 pub(crate) const FRESH: Duration = Duration::from_secs(4);
+/// How fresh one must be that says what arrives now: two looks.
+const STILL: Duration = Duration::from_secs(2);
 /// How long nothing must have been accepted: a vehicle that has just started is lifted within a second or two.
 const SILENT_FOR: Duration = Duration::from_secs(5);
 /// How long nothing at all must have arrived.
@@ -572,6 +593,39 @@ mod tests {
             let named = codes.contains(&Code::MavlinkUnreadable);
             assert_eq!(named, burst_at.is_some(), "{burst_at:?}");
             assert_eq!(codes.last(), Some(&Code::MavlinkNone));
+        }
+    }
+
+    #[test]
+    fn timestamps_that_were_behind_before_a_silence_are_not_its_reason() {
+        let address = LinkAddress::UdpIn(std::net::SocketAddr::from(([127, 0, 0, 1], 14_550)));
+        for still in [false, true] {
+            let mut stats = LinkStats::default();
+            let mut arrivals = Arrivals::default();
+            let mut codes = Vec::new();
+            for at in 1..40 {
+                // The last accepted frame is that of 20 s.
+                let behind = (17..20).contains(&at) || (still && at > 20);
+                stats.datagrams += u64::from(at <= 20 || behind);
+                stats.stale += u64::from(behind);
+                look(&mut arrivals, at, &stats);
+                let found = judge(&Evidence {
+                    mono: seconds(at),
+                    vehicle: stanag_msgs::Id(0x1b00_0101),
+                    address: &address,
+                    system: 7,
+                    key: None,
+                    arrivals: &arrivals,
+                    other: None,
+                    shared: false,
+                    encrypted: false,
+                    accepted: Some(seconds(at.min(20))),
+                    unanswered: None,
+                });
+                codes.extend(found.map(|one| one.code));
+            }
+            assert_eq!(codes.contains(&Code::MavlinkStale), still, "{codes:?}");
+            assert_eq!(codes.contains(&Code::MavlinkNone), !still, "{codes:?}");
         }
     }
 

@@ -7,7 +7,6 @@ use mavlink_link::service::{Node, param};
 use super::event::VehicleEvent;
 use super::frame::Peer;
 use super::key_recovery::KeyChange;
-use super::measured::Measured;
 use super::services::Services;
 use super::state::VehicleState;
 use super::{Fresh, VehicleLink, auth, is_silent};
@@ -132,7 +131,9 @@ impl VehicleLink {
             Self::send_ground(effects);
         }
         let mode = vehicle.telemetry.mode;
-        vehicle.telemetry.update(message);
+        if (vehicle.measured).takes(now, &effects.vehicle.clock, message) {
+            vehicle.telemetry.update(message);
+        }
         vehicle.telemetry.equipment.update(now, message);
         if matches!(
             message,
@@ -169,7 +170,7 @@ impl VehicleLink {
         if has_restarted(message, vehicle) {
             // A reboot resets the requested message rates.
             vehicle.telemetry.restart();
-            vehicle.measured = Measured::default();
+            vehicle.measured.restart();
             clock.reset();
             intervals.request_again();
             events.reset();

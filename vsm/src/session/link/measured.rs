@@ -1,7 +1,8 @@
 //! When the vehicle's values were measured, by this computer's monotonic clock: the source of the Time Stamps in reports.
 //!
 //! The vehicle stamps its messages with its own clock (time_boot_ms, time_usec), which TIMESYNC compares with ours. If that
-//! offset is unknown or implausible, the time of arrival is used.
+//! offset is unknown or implausible, the time of arrival is used. Not so after the bridge itself did not run: what it reads then may
+//! have waited in the socket. For [`CATCHES_UP`] only what the vehicle's clock dates is taken.
 
 use std::time::Duration;
 
@@ -25,6 +26,8 @@ pub(crate) struct Measured {
     /// When position, speed and attitude last arrived.
     arrived: [Option<Duration>; 3],
     had_position: bool,
+    /// From when until when the bridge last did not run.
+    stopped: Option<(Duration, Duration)>,
 }
 
 impl Measured {
@@ -62,29 +65,63 @@ impl Measured {
         }
     }
 
+    /// The vehicle has restarted: nothing is known of it.
+    pub(super) fn restart(&mut self) {
+        *self = Measured {
+            stopped: self.stopped,
+            ..Measured::default()
+        };
+    }
+
+    /// The bridge did not run in between.
+    pub(super) fn note_stop(&mut self, from: Duration, until: Duration) {
+        // What waited during the stop before may not be through yet.
+        let before = self.stopped.filter(|(_, end)| *end + CATCHES_UP >= from);
+        self.stopped = Some((before.map_or(from, |(began, _)| began), until));
+        // Nothing could be reported meanwhile.
+        self.begin_again(until);
+    }
+
+    /// Since when a message may have waited that is handled now; `None` where none has.
+    fn waited_since(&self, now: Duration) -> Option<Duration> {
+        let (from, until) = self.stopped?;
+        (now <= until + CATCHES_UP).then_some(from)
+    }
+
+    /// Whether the values of this message can be shown: not where it may have waited, and nothing shows for how long.
+    pub(super) fn takes(&self, now: Duration, clock: &Client, message: &MavMessage) -> bool {
+        let Some(from) = self.waited_since(now) else {
+            return true;
+        };
+        boot_time(message).is_none_or(|at| clock.measured_waiting(now, at, from).is_some())
+    }
+
     /// Records the time of a message that has just arrived.
     pub(super) fn note(&mut self, now: Duration, clock: &mut Client, message: &MavMessage) {
+        let Some(boot) = boot_time(message) else {
+            return;
+        };
+        let at = match self.waited_since(now) {
+            Some(from) => clock.measured_waiting(now, boot, from),
+            None => Some(clock.measured(now, boot).unwrap_or(now)),
+        };
+        if at.is_none() {
+            return;
+        }
         match message {
             // Arrives with the speed.
             MavMessage::GLOBAL_POSITION_INT(_) => {
                 (self.arrived[0], self.arrived[1]) = (Some(now), Some(now));
-                self.had_position = true;
+                (self.position, self.had_position) = (at, true);
             }
-            MavMessage::LOCAL_POSITION_NED(_) => self.arrived[1] = Some(now),
-            MavMessage::ATTITUDE(_) => self.arrived[2] = Some(now),
+            MavMessage::LOCAL_POSITION_NED(_) => {
+                (self.arrived[1], self.velocity) = (Some(now), at);
+            }
+            MavMessage::ATTITUDE(_) => (self.arrived[2], self.attitude) = (Some(now), at),
+            MavMessage::HIGHRES_IMU(_) => self.force = at,
+            MavMessage::WIND_COV(_) => self.wind = at,
             _ => {}
         }
-        let (slot, at) = match message {
-            MavMessage::GLOBAL_POSITION_INT(m) => {
-                (&mut self.position, BootTime::Ms(m.time_boot_ms))
-            }
-            MavMessage::LOCAL_POSITION_NED(m) => (&mut self.velocity, BootTime::Ms(m.time_boot_ms)),
-            MavMessage::ATTITUDE(m) => (&mut self.attitude, BootTime::Ms(m.time_boot_ms)),
-            MavMessage::HIGHRES_IMU(m) => (&mut self.force, BootTime::Us(m.time_usec)),
-            MavMessage::WIND_COV(m) => (&mut self.wind, BootTime::Us(m.time_usec)),
-            _ => return,
-        };
-        *slot = Some(clock.measured(now, at).unwrap_or(now));
     }
 
     /// The measurement time for a report composed now; `None` if the report contains no measurements.
@@ -105,6 +142,20 @@ impl Measured {
     }
 }
 
+/// When a message of measurements was made, by the vehicle's clock.
+fn boot_time(message: &MavMessage) -> Option<BootTime> {
+    match message {
+        MavMessage::GLOBAL_POSITION_INT(m) => Some(BootTime::Ms(m.time_boot_ms)),
+        MavMessage::LOCAL_POSITION_NED(m) => Some(BootTime::Ms(m.time_boot_ms)),
+        MavMessage::ATTITUDE(m) => Some(BootTime::Ms(m.time_boot_ms)),
+        MavMessage::HIGHRES_IMU(m) => Some(BootTime::Us(m.time_usec)),
+        MavMessage::WIND_COV(m) => Some(BootTime::Us(m.time_usec)),
+        _ => None,
+    }
+}
+
+/// How long after a stop the bridge may still read what waited: a socket's buffer takes it a fraction of that.
+const CATCHES_UP: Duration = Duration::from_secs(2);
 /// Each is requested at 5 Hz. This is longer than the time until a vehicle counts as silent, which is another alert.
 const STALE: Duration = Duration::from_secs(5);
 const AIR_AND_GROUND: u16 = 3009;

@@ -83,6 +83,8 @@ pub(crate) struct VehicleLink {
     stored_link_id: Option<u8>,
     /// Since when frames have been accepted without interruption, or were until the link fell silent.
     live_since: Option<Duration>,
+    /// When the bridge last ran again after it did not.
+    ran_again: Option<Duration>,
     /// When a frame last verified and was accepted, and under which key.
     verified: Option<(Duration, KeyId)>,
     /// Frames and bytes that arrived but were not accepted.
@@ -157,6 +159,7 @@ impl VehicleLink {
             operator_control: OperatorControl::default(),
             commanders: Vec::new(),
             live_since: None,
+            ran_again: None,
             verified: None,
             arrivals: Arrivals::default(),
             packets: EncryptedArrivals::default(),
@@ -204,6 +207,24 @@ impl VehicleLink {
         self.packets = packets;
     }
 
+    /// The bridge did not run in between: nobody was silent to it for that time, or left it unanswered.
+    pub(crate) fn note_stop(
+        &mut self,
+        vehicle: &mut VehicleState,
+        from: Duration,
+        until: Duration,
+    ) {
+        vehicle.note_stop(from, until);
+        self.arrivals.note_stop(until.saturating_sub(from));
+        self.ran_again = Some(until);
+    }
+
+    /// How long nothing has shown that the vehicle receives us, as far as the bridge ran.
+    fn unanswered(&self, mono: Duration) -> Option<Duration> {
+        let ran_for = mono.saturating_sub(self.ran_again.unwrap_or_default());
+        self.link.unanswered(mono).map(|age| age.min(ran_for))
+    }
+
     pub(crate) fn key(&self) -> Option<&KeyState> {
         self.key.as_ref()
     }
@@ -214,7 +235,7 @@ impl VehicleLink {
         self.key_recovery.handle_timeout(now);
         self.advance_key_recovery(effects);
         self.link.handle_timeout(now);
-        let unanswered = is_unanswered(&self.link, now.mono);
+        let unanswered = (self.unanswered(now.mono)).is_some_and(|age| age > UNANSWERED);
         let (current, out) = (self.key.as_ref(), &mut self.out);
         self.agreement
             .handle_timeout(now, unanswered, current, out, effects.dli.disk);
@@ -543,7 +564,7 @@ impl VehicleLink {
         DataLink {
             received: vehicle.live(),
             // Signatures prove it with every frame. Without signing, answers to TIMESYNC do, if the vehicle sends any.
-            answered: match self.link.unanswered(mono) {
+            answered: match self.unanswered(mono) {
                 Some(age) => Some(age <= UNANSWERED),
                 None => clock.answers(),
             },
@@ -588,6 +609,10 @@ impl VehicleLink {
         config: &'a crate::config::Vehicle,
         (other, shared): (Option<u8>, bool),
     ) -> Evidence<'a> {
+        let again = self.ran_again.unwrap_or_default();
+        // A vehicle that is received again has not had the time to answer.
+        let received_for = mono.saturating_sub(self.live_since.unwrap_or_default());
+        let unanswered = self.unanswered(mono);
         Evidence {
             mono,
             vehicle: config.id,
@@ -598,8 +623,8 @@ impl VehicleLink {
             other,
             shared,
             encrypted: config.encrypt,
-            accepted: self.link.accepted_at(),
-            unanswered: self.link.unanswered(mono),
+            accepted: self.link.accepted_at().map(|at| at.max(again)),
+            unanswered: unanswered.map(|age| age.min(received_for)),
         }
     }
 

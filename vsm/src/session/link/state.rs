@@ -22,6 +22,8 @@ pub(crate) struct VehicleState {
     /// When it last reported its mode.
     pub(super) mode_at: Option<Duration>,
     pub(super) silent: bool,
+    /// When the bridge last ran again after it did not.
+    ran_again: Option<Duration>,
     pub(super) boot_ms: Option<u32>,
     pub(super) progress_boot_ms: Option<u32>,
     pub(super) progress_at: Option<Duration>,
@@ -40,6 +42,7 @@ impl Default for VehicleState {
             mode_at: None,
             // Nothing was received yet: its state is unknown, as for a vehicle that went silent.
             silent: true,
+            ran_again: None,
             boot_ms: None,
             progress_boot_ms: None,
             progress_at: None,
@@ -100,7 +103,17 @@ impl VehicleState {
     /// When it will count as silent if no further data arrives.
     pub(super) fn silent_at(&self) -> Option<Duration> {
         let (mode, beat) = self.mode_at.zip(self.heartbeat_at)?;
-        Some((mode + SILENCE).min(beat + NO_HEARTBEAT))
+        let again = self.ran_again.unwrap_or_default();
+        Some((mode.max(again) + SILENCE).min(beat.max(again) + NO_HEARTBEAT))
+    }
+
+    /// The bridge did not run in between: the vehicle was not silent for that time.
+    pub(super) fn note_stop(&mut self, from: Duration, until: Duration) {
+        self.measured.note_stop(from, until);
+        // After a longer one it is treated as a vehicle that was silent, since it may be another, or have restarted.
+        if until.saturating_sub(from) <= MAX_STOP {
+            self.ran_again = Some(until);
+        }
     }
 
     /// Its time since boot, ms, from the latest message that has it.
@@ -151,5 +164,7 @@ impl VehicleState {
 pub(crate) const SILENCE: Duration = Duration::from_millis(3_500);
 /// A vehicle without a heartbeat for this long is silent too, since no other message reports whether it is armed.
 const NO_HEARTBEAT: Duration = Duration::from_secs(10);
+/// The bridge knows the vehicle still after it did not run for this long.
+const MAX_STOP: Duration = Duration::from_secs(60);
 /// A warning is taken as the reason of a refusal that follows within this time.
 const COMPLAINT_LIFE: Duration = Duration::from_secs(3);
