@@ -11,6 +11,7 @@ use std::process::Command;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use kit::bridge::memory_folder;
 use kit::process::{Running, free_udp_port, program};
 use resvg::tiny_skia::Rect;
 use resvg::usvg::{Group, Node, Options, Tree};
@@ -388,7 +389,7 @@ struct Scratch {
 impl Scratch {
     fn new() -> Scratch {
         let scratch = Scratch {
-            folder: tempfile::tempdir().expect("a folder"),
+            folder: memory_folder(),
             dli: format!("127.0.0.1:{}", free_udp_port()),
             mavlink: format!("127.0.0.1:{}", free_udp_port()),
             radio: format!("127.0.0.1:{}", free_udp_port()),
