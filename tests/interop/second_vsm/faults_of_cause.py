@@ -40,7 +40,7 @@ def light_left_on(vehicle, now):
     vehicle.alerts.raise_("light", alert.CAUTION, alert.ELECTRICAL, "cabin light left on", now)
 
 
-@fault("HB-003k", "nothing is said of a silent holder; the request that another made too early is refused aloud")
+@fault("HB-003k", "nothing is said of a silent holder; the request that another made too early is refused by an alert")
 def _(vsm):
     unsaid(vsm, "silence")
 

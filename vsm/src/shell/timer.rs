@@ -15,7 +15,7 @@ use rustix::time::{
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
-/// A timer that is set anew each time it is waited for.
+/// A timer that is set again each time it is waited for.
 #[derive(Debug)]
 pub(super) struct Timer(AsyncFd<OwnedFd>);
 
@@ -45,7 +45,7 @@ impl Timer {
         timerfd_settime(self.0.get_ref(), TimerfdTimerFlags::empty(), &once)?;
         loop {
             let mut ready = self.0.readable().await?;
-            // One that ended before it was set anew has nothing to be read.
+            // One that ended before it was set again has nothing to be read.
             if let Ok(read) = ready.try_io(|timer| Ok(read(timer.get_ref(), &mut [0; 8])?)) {
                 return read.map(drop);
             }
