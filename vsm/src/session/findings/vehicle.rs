@@ -389,7 +389,7 @@ fn no_packet_finding(evidence: &Evidence<'_>) -> Finding {
             Code::MavlinkUnreadable,
             format!("encrypted packets arrive on {link}, and none of them opens"),
             "another agent than the paired one sends there, or one whose pairing is lost, or somebody plays a recording: \"vsm status\" counts \
-             them by reason; pair again where one end was installed anew (\"vsm airside pair\", \"vsm pair\")",
+             them by reason; pair again where one end was installed again (\"vsm airside pair\", \"vsm pair\")",
         ),
         Some(Packets::Plain) => (
             Code::MavlinkUnreadable,
