@@ -2,6 +2,7 @@
 //! synchronises the disk, and a third agrees on keys with the guards of CUCSs (`guard_thread`; `pairing` is the socket for
 //! such requests).
 
+mod batch;
 pub mod checks;
 mod encryption;
 mod error;

@@ -2,21 +2,19 @@
 //!
 //! No task returns while the bridge serves, and each waits for its work within [`Beat::during`].
 
-use std::io::{self, IoSlice};
+use std::io;
 use std::net::SocketAddr;
-use std::ops::Range;
 use std::rc::Rc;
 use std::thread;
 use std::time::Duration;
 
 use dli_group::Group;
 use mavlink_link::frame::FrameView;
-use rustix::net::{MMsgHdr, SendAncillaryBuffer, SendFlags, SocketAddrAny, sendmmsg};
 use stanag_msgs::guard::MAX_GUARDED;
-use tokio::io::Interest;
 use tokio::net::{UdpSocket, UnixListener};
 use tokio::sync::{Notify, oneshot};
 
+use super::batch::Batch;
 use super::checks::{self, Keys};
 use super::file_changes::FileChanges;
 use super::inbox::Inbox;
@@ -285,14 +283,14 @@ pub(super) async fn send(
                 }
                 continue;
             }
-            if batch.is_full() && !batch.send(&unicast, &shared) {
+            if batch.is_full() && !send_batch(&mut batch, &unicast, &shared) {
                 send_forwards(&shared);
                 break;
             }
             // Bound to a name so that the borrow of the core ends here.
             let datagram = shared.core.borrow_mut().bridge.poll_dli();
             let Some(datagram) = datagram else {
-                batch.send(&unicast, &shared);
+                send_batch(&mut batch, &unicast, &shared);
                 send_forwards(&shared);
                 break;
             };
@@ -335,106 +333,14 @@ pub(super) async fn send(
     }
 }
 
-/// Datagrams sent in one system call: with many vehicles the calls cost more than the reports themselves.
-#[derive(Debug, Default)]
-struct Batch {
-    each: Vec<(SocketAddr, Range<usize>)>,
-    bytes: Vec<u8>,
-    /// Since when the socket has had no room.
-    stuck: Option<Duration>,
+/// False if the socket has no room: the batch stays.
+fn send_batch(batch: &mut Batch, socket: &UdpSocket, shared: &Shared) -> bool {
+    let lost = || {
+        let bridge = &mut shared.core.borrow_mut().bridge;
+        bridge.count_dropped("not sent: the socket has no room");
+    };
+    batch.send(socket, shared.clock.mono(), lost)
 }
-
-impl Batch {
-    fn add(&mut self, to: SocketAddr, bytes: &[u8]) {
-        let start = self.bytes.len();
-        self.bytes.extend_from_slice(bytes);
-        self.each.push((to, start..self.bytes.len()));
-    }
-
-    fn is_full(&self) -> bool {
-        self.each.len() >= MAX_BATCH
-    }
-
-    fn clear(&mut self) {
-        self.each.clear();
-        self.bytes.clear();
-        self.stuck = None;
-    }
-
-    /// Sends them. Returns false where the socket has no room: they stay for [`PATIENCE`], the time that a network takes for a
-    /// burst, and after it they are lost, as on any link, like all others until there is room again.
-    fn send(&mut self, socket: &UdpSocket, shared: &Shared) -> bool {
-        let mono = shared.clock.mono();
-        let mut sent = 0;
-        while let Some(rest) = self.each.get(sent..).filter(|rest| !rest.is_empty()) {
-            match socket.try_io(Interest::WRITABLE, || send_some(socket, &self.bytes, rest)) {
-                Ok(some) => {
-                    sent += some;
-                    self.stuck = None;
-                }
-                Err(cause) if cause.kind() == io::ErrorKind::WouldBlock => {
-                    let since = *self.stuck.get_or_insert(mono);
-                    if mono.saturating_sub(since) < PATIENCE {
-                        self.each.drain(..sent);
-                        return false;
-                    }
-                    let bridge = &mut shared.core.borrow_mut().bridge;
-                    rest.iter().for_each(|_| bridge.count_dropped(NO_ROOM));
-                    break;
-                }
-                Err(cause) => {
-                    // The first of the rest failed; those behind it are still sent.
-                    tracing::debug!("a datagram to a CUCS was not sent: {cause}");
-                    sent += 1;
-                }
-            }
-        }
-        self.each.clear();
-        self.bytes.clear();
-        true
-    }
-
-    /// Waits until what stays here can be sent, or is lost.
-    async fn room(&self, socket: &UdpSocket) {
-        if self.each.is_empty() {
-            return std::future::pending().await;
-        }
-        // A fault is reported by the next call.
-        let _ = tokio::time::timeout(PATIENCE, socket.writable()).await;
-    }
-}
-
-/// Sends the first of these, as many as the socket accepts; returns how many.
-fn send_some(
-    socket: &UdpSocket,
-    bytes: &[u8],
-    each: &[(SocketAddr, Range<usize>)],
-) -> io::Result<usize> {
-    if let [(to, range)] = each {
-        let one = bytes.get(range.clone()).unwrap_or_default();
-        return socket.try_send_to(one, *to).map(|_| 1);
-    }
-    let to: Vec<SocketAddrAny> = each.iter().map(|(to, _)| (*to).into()).collect();
-    let content = |range: &Range<usize>| bytes.get(range.clone()).unwrap_or_default();
-    let slices: Vec<[IoSlice<'_>; 1]> = (each.iter())
-        .map(|(_, range)| [IoSlice::new(content(range))])
-        .collect();
-    let mut controls: Vec<_> = each
-        .iter()
-        .map(|_| SendAncillaryBuffer::default())
-        .collect();
-    let parts = to.iter().zip(&slices).zip(&mut controls);
-    let mut headers: Vec<MMsgHdr<'_>> = parts
-        .map(|((to, slice), control)| MMsgHdr::new_with_addr(to, slice, control))
-        .collect();
-    Ok(sendmmsg(socket, &mut headers, SendFlags::empty())?)
-}
-
-/// Datagrams in a call: more gain little, and delay frames for vehicles.
-const MAX_BATCH: usize = 16;
-const NO_ROOM: &str = "not sent: the socket has no room";
-/// How long a burst waits for room.
-const PATIENCE: Duration = Duration::from_millis(100);
 
 /// True if the datagram is for a web client: it was queued, or the client is not connected.
 fn pass_to_web(shared: &Shared, datagram: &Datagram) -> bool {
