@@ -196,7 +196,7 @@ pub(crate) struct Motion {
     pub acceleration: Ned,
     /// Roll, pitch, yaw, radians.
     pub attitude: [f64; 3],
-    /// Their rates, rad/s.
+    /// The rates of these angles, rad/s; those of the body are [`Motion::body_rates`].
     pub rates: [f64; 3],
 }
 
@@ -209,6 +209,17 @@ impl Motion {
             self.rates[i] += (rate - self.rates[i]) * (dt / 0.05).min(1.0);
             self.attitude[i] = if i == 2 { wrap_pi(new) } else { new };
         }
+    }
+
+    /// What a gyro measures, and PX4 reports: the rates about the body's axes. A banked turn pitches the body up.
+    pub(crate) fn body_rates(&self) -> [f64; 3] {
+        let ([roll, pitch, _], [roll_rate, pitch_rate, turn]) = (self.attitude, self.rates);
+        let ((sin_roll, cos_roll), (sin_pitch, cos_pitch)) = (roll.sin_cos(), pitch.sin_cos());
+        [
+            roll_rate - turn * sin_pitch,
+            pitch_rate * cos_roll + turn * cos_pitch * sin_roll,
+            turn * cos_pitch * cos_roll - pitch_rate * sin_roll,
+        ]
     }
 }
 
@@ -239,6 +250,20 @@ pub(crate) fn quaternion([roll, pitch, yaw]: [f64; 3]) -> [f32; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_banked_turn_is_one_about_two_axes_of_the_body() {
+        let mut motion = Motion {
+            attitude: [30_f64.to_radians(), 0.0, 1.0],
+            ..Motion::default()
+        };
+        motion.rates = [0.0, 0.0, 0.5];
+        let [p, q, r] = motion.body_rates();
+        let expected = [0.0, 0.25, 0.5 * 30_f64.to_radians().cos()];
+        for (found, expected) in [p, q, r].into_iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-12, "{p} {q} {r}");
+        }
+    }
 
     #[test]
     fn a_place_survives_the_projection_and_back() {

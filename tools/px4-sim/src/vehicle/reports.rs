@@ -451,7 +451,7 @@ impl Vehicle {
 
     pub(crate) fn attitude(&self) -> mav::ATTITUDE_DATA {
         let motion = self.body.motion();
-        let ([roll, pitch, yaw], [p, q, r]) = (motion.attitude, motion.rates);
+        let ([roll, pitch, yaw], [p, q, r]) = (motion.attitude, motion.body_rates());
         mav::ATTITUDE_DATA {
             time_boot_ms: self.boot_ms(),
             roll: roll as f32,
@@ -466,7 +466,7 @@ impl Vehicle {
     pub(crate) fn attitude_quaternion(&self) -> mav::ATTITUDE_QUATERNION_DATA {
         let motion = self.body.motion();
         let [q1, q2, q3, q4] = quaternion(motion.attitude);
-        let [p, q, r] = motion.rates;
+        let [p, q, r] = motion.body_rates();
         mav::ATTITUDE_QUATERNION_DATA {
             time_boot_ms: self.boot_ms(),
             q1,
