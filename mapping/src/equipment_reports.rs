@@ -64,9 +64,7 @@ pub fn weather(
 ) -> Option<MeteorologicalTableReport> {
     let (wind, air) = (vehicle.sensed.wind_ne, vehicle.equipment.air);
     let kelvin = air.kelvin.or(air.barometer_kelvin);
-    let place = vehicle
-        .position
-        .filter(|_| vehicle.gps_fix != Some(false))?;
+    let place = vehicle.located()?;
     if wind.is_none() && kelvin.is_none() {
         return None;
     }

@@ -8,6 +8,7 @@
 //! - [`rally`]: places to return to beside home.
 //! - [`altitude`]: altitude types and MAVLink frames.
 //! - [`telemetry`]: the latest values of the vehicle's messages, its sensors and software included.
+//! - [`attitude`]: of the vehicle, and what it was at the moment of its position.
 //! - [`evidence`]: what contingencies are judged by, report by report.
 //! - [`report`]: messages 3001, 3002, 4000 and 4001 from that.
 //! - [`status`]: messages 3000, 3004 to 3010, 12101, 16001 and 50013.
@@ -72,6 +73,7 @@ pub mod airframe;
 pub mod alert;
 pub mod altitude;
 pub mod area;
+pub mod attitude;
 pub mod configuration;
 pub mod data_link;
 pub mod equipment;

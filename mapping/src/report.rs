@@ -198,10 +198,11 @@ pub fn fill_commanded(states: &mut VehicleOperatingStates, vehicle: &Telemetry, 
 /// 4000. `None` before the vehicle has reported any of its values.
 ///
 /// Altitude is type 3 (ellipsoid) if the vehicle's geoid separation is known, otherwise type 1 (AMSL). Without a position
-/// fix, latitude, longitude and altitude are absent.
+/// fix, latitude, longitude and altitude are absent. The stamp is that of the position, and so are
+/// speed and attitude.
 #[must_use]
 pub fn inertial_states(vehicle: &Telemetry, stamp: TimeStamp) -> Option<InertialStates> {
-    let position = vehicle.position.filter(|_| vehicle.gps_fix != Some(false));
+    let position = vehicle.located();
     if position.is_none() && vehicle.attitude.is_none() && vehicle.velocity_ned.is_none() {
         return None;
     }
@@ -216,12 +217,12 @@ pub fn inertial_states(vehicle: &Telemetry, stamp: TimeStamp) -> Option<Inertial
         states.altitude = Scaled::from_si(place.amsl_m + offset_m).ok();
         states.altitude_type = states.altitude.is_some().then_some(altitude_type);
     }
-    if let Some([north, east, down]) = vehicle.velocity_ned {
+    if let Some([north, east, down]) = vehicle.velocity_at_place() {
         states.u_speed = Scaled::from_si(north).ok();
         states.v_speed = Scaled::from_si(east).ok();
         states.w_speed = Scaled::from_si(down).ok();
     }
-    if let Some(attitude) = vehicle.attitude {
+    if let Some(attitude) = vehicle.attitude_at_place() {
         states.roll = Some(Bam16::from_radians(attitude.roll));
         states.pitch = Some(Bam16::from_radians(attitude.pitch));
         states.heading = Some(Bam16::from_radians(attitude.yaw));
@@ -456,4 +457,105 @@ fn later(from_ms: u64, distance_m: f64, speed_m_s: f64) -> Option<u64> {
     const SLOWEST_M_S: f64 = 0.5;
     (speed_m_s >= SLOWEST_M_S)
         .then(|| from_ms.saturating_add((distance_m / speed_m_s * 1e3) as u64))
+}
+
+#[cfg(test)]
+mod tests {
+    use mavlink_link::dialect::{
+        ATTITUDE_DATA, GLOBAL_POSITION_INT_DATA, LOCAL_POSITION_NED_DATA, MavMessage,
+    };
+
+    use super::*;
+
+    /// Degrees clockwise from north at this time in a turn of 80 degrees a second, right through south.
+    fn heading_deg(boot_ms: u32) -> f64 {
+        130.0 + 0.08 * f64::from(boot_ms)
+    }
+
+    fn attitude(boot_ms: u32) -> MavMessage {
+        let yaw = (heading_deg(boot_ms) + 180.0).rem_euclid(360.0) - 180.0;
+        MavMessage::ATTITUDE(ATTITUDE_DATA {
+            time_boot_ms: boot_ms,
+            yaw: yaw.to_radians() as f32,
+            yawspeed: 80_f32.to_radians(),
+            ..ATTITUDE_DATA::default()
+        })
+    }
+
+    fn position(boot_ms: u32) -> MavMessage {
+        MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
+            time_boot_ms: boot_ms,
+            lat: 470_000_000,
+            ..GLOBAL_POSITION_INT_DATA::default()
+        })
+    }
+
+    /// How far the heading of 4000 is from this, degrees.
+    fn heading_error_deg(vehicle: &Telemetry, expected_deg: f64) -> f64 {
+        let states = inertial_states(vehicle, TimeStamp(1)).expect("a 4000");
+        let heading = states.heading.expect("a heading").degrees();
+        let rate = states.turn_rate.expect("a rate").si();
+        assert!((rate - 80_f64.to_radians()).abs() < 0.005, "{rate}");
+        ((heading - expected_deg + 180.0).rem_euclid(360.0) - 180.0).abs()
+    }
+
+    /// Two streams of 5 Hz, one of them half a period behind, or only just before or behind the other.
+    #[test]
+    fn a_heading_is_that_of_the_moment_of_its_position() {
+        for behind_ms in [5, 100, 195] {
+            let mut vehicle = Telemetry::default();
+            for at_ms in (0..2_000).step_by(200) {
+                vehicle.update(&position(at_ms));
+                if at_ms > 0 {
+                    let error_deg = heading_error_deg(&vehicle, heading_deg(at_ms));
+                    assert!(error_deg < 0.05, "{behind_ms}, {at_ms}: {error_deg}");
+                }
+                vehicle.update(&attitude(at_ms + behind_ms));
+                let error_deg = heading_error_deg(&vehicle, heading_deg(at_ms));
+                assert!(error_deg < 0.05, "{behind_ms}, {at_ms}: {error_deg}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_speed_is_that_of_its_position() {
+        let mut vehicle = Telemetry::default();
+        let north_m_s = |vehicle: &Telemetry| {
+            let states = inertial_states(vehicle, TimeStamp(1)).expect("a 4000");
+            states.u_speed.expect("a speed").si()
+        };
+        let local = |vx| {
+            MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA {
+                vx,
+                ..LOCAL_POSITION_NED_DATA::default()
+            })
+        };
+        vehicle.update(&local(3.0));
+        assert_eq!(north_m_s(&vehicle), 3.0);
+        vehicle.update(&MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
+            vx: 400,
+            ..GLOBAL_POSITION_INT_DATA::default()
+        }));
+        vehicle.update(&local(5.0));
+        assert_eq!(north_m_s(&vehicle), 4.0);
+        vehicle.gps_fix = Some(false);
+        assert_eq!(north_m_s(&vehicle), 5.0, "without a place");
+    }
+
+    #[test]
+    fn without_a_position_of_that_time_the_heading_is_the_latest() {
+        let mut vehicle = Telemetry::default();
+        vehicle.update(&attitude(1_000));
+        assert!(heading_error_deg(&vehicle, heading_deg(1_000)) < 0.05);
+        vehicle.update(&position(1_100));
+        vehicle.update(&attitude(1_200));
+        // It has no place, and the stamp is that of the attitude.
+        vehicle.gps_fix = Some(false);
+        assert!(heading_error_deg(&vehicle, heading_deg(1_200)) < 0.05);
+        vehicle.gps_fix = Some(true);
+        assert!(heading_error_deg(&vehicle, heading_deg(1_100)) < 0.05);
+        vehicle.restart();
+        vehicle.update(&position(100));
+        assert!(heading_error_deg(&vehicle, heading_deg(1_200)) < 0.05);
+    }
 }

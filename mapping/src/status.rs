@@ -157,10 +157,7 @@ pub fn air_and_ground(
     (agl, ground_m): (Agl, Option<f64>),
     stamp: TimeStamp,
 ) -> AirAndGroundRelativeStates {
-    let amsl_m = vehicle
-        .position
-        .filter(|_| vehicle.gps_fix != Some(false))
-        .map(|place| place.amsl_m);
+    let amsl_m = vehicle.located().map(|place| place.amsl_m);
     let agl_m = match agl {
         Agl::AboveHome => vehicle.above_home_m,
         Agl::Terrain => amsl_m
@@ -168,7 +165,7 @@ pub fn air_and_ground(
             .map(|(amsl_m, ground_m)| amsl_m - ground_m),
         Agl::Refuse => None,
     };
-    let ground = vehicle.velocity_ned;
+    let ground = vehicle.velocity_at_place();
     let wind = vehicle.sensed.wind_ne;
     // A multicopter without an air speed sensor always reports 0.
     let airspeed = vehicle

@@ -8,6 +8,8 @@ use mavlink_link::dialect::{
 };
 
 use crate::airframe::Airframe;
+pub use crate::attitude::Attitude;
+use crate::attitude::AttitudeTrack;
 use crate::equipment::Equipment;
 use crate::evidence::{Evidence, percent};
 use crate::mode::Px4Mode;
@@ -21,23 +23,6 @@ pub struct Place {
     pub longitude: f64,
     /// Metres above mean sea level.
     pub amsl_m: f64,
-}
-
-/// Attitude and rates (ATTITUDE), rad and rad/s, aerospace axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Attitude {
-    /// Right wing down is positive.
-    pub roll: f64,
-    /// Nose up is positive.
-    pub pitch: f64,
-    /// Clockwise from true north.
-    pub yaw: f64,
-    /// About the body's x axis.
-    pub roll_rate: f64,
-    /// About the body's y axis.
-    pub pitch_rate: f64,
-    /// About the body's z axis.
-    pub yaw_rate: f64,
 }
 
 /// The uploaded mission (MISSION_CURRENT).
@@ -95,8 +80,12 @@ pub struct Telemetry {
     pub above_home_m: Option<f64>,
     /// North, east, down, m/s (GLOBAL_POSITION_INT, finer from LOCAL_POSITION_NED).
     pub velocity_ned: Option<[f64; 3]>,
+    /// That of the position's own message (GLOBAL_POSITION_INT).
+    pub position_velocity: Option<[f64; 3]>,
     /// ATTITUDE.
     pub attitude: Option<Attitude>,
+    /// What it was at the moment of the position.
+    pub attitude_track: AttitudeTrack,
     /// HOME_POSITION.
     pub home: Option<Place>,
     /// Height of the geoid above the ellipsoid where the vehicle is, m (GPS_RAW_INT: alt_ellipsoid - alt).
@@ -161,9 +150,11 @@ impl Telemetry {
                 self.turn_vtol(m.vtol_state);
             }
             MavMessage::GLOBAL_POSITION_INT(m) => {
+                self.attitude_track.note_position(m.time_boot_ms);
                 self.position = Some(place(m.lat, m.lon, f64::from(m.alt) / 1e3));
                 self.above_home_m = Some(f64::from(m.relative_alt) / 1e3);
                 self.velocity_ned = Some([m.vx, m.vy, m.vz].map(|cm| f64::from(cm) / 100.0));
+                self.position_velocity = self.velocity_ned;
             }
             MavMessage::LOCAL_POSITION_NED(m) => {
                 let velocity = [m.vx, m.vy, m.vz].map(f64::from);
@@ -183,6 +174,8 @@ impl Telemetry {
                     pitch_rate: m.pitchspeed.into(),
                     yaw_rate: m.yawspeed.into(),
                 });
+                self.attitude_track
+                    .note_attitude(m.time_boot_ms, self.attitude);
             }
             MavMessage::HOME_POSITION(m) => {
                 self.home = Some(place(m.latitude, m.longitude, f64::from(m.altitude) / 1e3));
@@ -240,6 +233,27 @@ impl Telemetry {
         true
     }
 
+    /// Its place, which it has only with a fix of its receiver.
+    #[must_use]
+    pub fn located(&self) -> Option<Place> {
+        self.position.filter(|_| self.gps_fix != Some(false))
+    }
+
+    /// The velocity for a report of its place: of the same moment. LOCAL_POSITION_NED is another one.
+    #[must_use]
+    pub fn velocity_at_place(&self) -> Option<[f64; 3]> {
+        let of_place = self.located().and(self.position_velocity);
+        of_place.or(self.velocity_ned)
+    }
+
+    /// The attitude for a report of its place: as it was then, or the latest where that is not known.
+    #[must_use]
+    pub fn attitude_at_place(&self) -> Option<Attitude> {
+        let latest = self.attitude?;
+        let then = self.located().and(self.attitude_track.at_position());
+        Some(then.unwrap_or(latest))
+    }
+
     /// Whether it has reported that it is in the air.
     #[must_use]
     pub fn airborne(&self) -> bool {
@@ -269,6 +283,8 @@ impl Telemetry {
         self.position = None;
         self.above_home_m = None;
         self.velocity_ned = None;
+        self.position_velocity = None;
+        self.attitude_track = AttitudeTrack::default();
         self.home = None;
         self.geoid_m = None;
         self.mission = None;

@@ -1,8 +1,9 @@
 //! The Time Stamp of what the vehicle measures is when it was measured, by the bridge's clock: within 5 ms over any delay of
-//! the link, and nobody but the vehicle moves it. Where its clock is not known, or cannot be believed, it is the time of arrival.
-//! And a CUCS whose own clock is off is named.
+//! the link, and nobody but the vehicle moves it. The heading is of that moment too. Where its clock is not
+//! known, or cannot be believed, it is the time of arrival. And a CUCS whose own clock is off is named.
 
 use std::collections::BTreeMap;
+use std::f64::consts::{PI, TAU};
 use std::time::Duration;
 
 use kit::bridge::{Rig, Setup, bridge_mav, orders, vehicle_address, vehicle_id};
@@ -11,8 +12,9 @@ use kit::network::Faults;
 use mavlink_link::dialect::{MavMessage, TIMESYNC_DATA};
 use mavlink_link::frame::{self, Header, MAX_FRAME};
 use px4_sim::{ClockFault, HealthFaults};
-use stanag_msgs::messages::Heartbeat;
-use stanag_msgs::{Message, TimeStamp};
+use stanag_msgs::enums::{FlightPathControlMode, HeadingCommandType};
+use stanag_msgs::messages::{Heartbeat, VehicleOperatingModeCommand};
+use stanag_msgs::{Message, Scaled, TimeStamp};
 
 /// In the air, flying north at its own speed, on a link with these faults.
 fn flying(mav: Faults) -> Rig {
@@ -28,7 +30,7 @@ fn flying(mav: Faults) -> Rig {
     ]);
     for order in [
         Message::from(orders::load()),
-        orders::mode(stanag_msgs::enums::FlightPathControlMode::Waypoint).into(),
+        orders::mode(FlightPathControlMode::Waypoint).into(),
     ] {
         rig.done(order);
     }
@@ -156,6 +158,53 @@ fn what_is_reported_of_one_measurement_has_one_stamp() {
     assert!(pairs >= 8, "{pairs}");
 }
 
+/// Degrees by which the heading of each 4000 differs from that of the vehicle at its stamp, by a track of (s, rad).
+fn heading_errors_deg(rig: &Rig, first: usize, track: &[(f64, f64)]) -> Vec<f64> {
+    let turn = |from: f64, to: f64| (to - from + PI).rem_euclid(TAU) - PI;
+    let reported =
+        rig.station().received[first..]
+            .iter()
+            .filter_map(|(_, _, message)| match message {
+                Message::InertialStates(states) => {
+                    Some((states.heading?.radians(), seconds_of(states.time_stamp?)))
+                }
+                _ => None,
+            });
+    let errors = reported.filter_map(|(heading, stamp)| {
+        let after = track.iter().position(|(at, _)| *at >= stamp)?;
+        let [(from, before), (to, behind)] = [track[after.checked_sub(1)?], track[after]];
+        let then = before + turn(before, behind) * (stamp - from) / (to - from);
+        Some(turn(then, heading).to_degrees())
+    });
+    errors.collect()
+}
+
+/// ATTITUDE of another moment would be degrees off.
+#[test]
+fn the_heading_in_a_fast_turn_is_that_of_the_moment_of_the_stamp() {
+    let mut rig = Rig::ready();
+    rig.take_off(30.0);
+    rig.done(VehicleOperatingModeCommand {
+        heading_command_type: Some(HeadingCommandType::TurnRate),
+        commanded_turn_rate: Some(Scaled::saturating_from_si(1.0)),
+        ..orders::mode(FlightPathControlMode::Autopilot)
+    });
+    rig.run(5.0);
+    precise(&mut rig);
+    let first = rig.station().received.len();
+    let mut track = Vec::new();
+    for _ in 0..500 {
+        rig.run(0.01);
+        track.push((rig.clock.elapsed().as_secs_f64(), rig.truth().attitude[2]));
+    }
+    let (from, to) = (track[0].1, track[50].1);
+    let turned = (to - from).rem_euclid(TAU);
+    assert!((0.4..0.6).contains(&turned), "{turned} rad in 0.5 s");
+    let errors = heading_errors_deg(&rig, first, &track);
+    assert!(errors.len() > 10, "{} reports", errors.len());
+    assert!(largest(&errors) < 1.0, "{errors:?}");
+}
+
 /// A computer that knows leap seconds by its clock alone shows the last second of the day twice.
 #[test]
 fn the_stamps_of_a_leap_second_do_not_fall() {
@@ -166,7 +215,7 @@ fn the_stamps_of_a_leap_second_do_not_fall() {
     assert!(rig.station().received.len() > first + 40);
     assert_stamps_rise(&rig);
     // A command of that second is taken as any other.
-    let hold = orders::mode(stanag_msgs::enums::FlightPathControlMode::Loiter);
+    let hold = orders::mode(FlightPathControlMode::Loiter);
     rig.done(hold);
 }
 

@@ -65,12 +65,12 @@ facts! {
         "V_Wind": "WIND_COV";
         "Altimeter Setting": "of 2016";
         "Barometric Altitude": "GLOBAL_POSITION_INT";
-        "Barometric Altitude Rate": "LOCAL_POSITION_NED";
+        "Barometric Altitude Rate": "GLOBAL_POSITION_INT, without a fix LOCAL_POSITION_NED";
         "Pressure Altitude": "by the altimeter setting";
         "AGL Altitude": "height above home; above the ground of vehicle.terrain with vehicle.agl terrain; absent with refuse";
         "WGS-84 Altitude": "once the geoid separation is known";
-        "U_Ground": "LOCAL_POSITION_NED";
-        "V_Ground": "LOCAL_POSITION_NED";
+        "U_Ground": "GLOBAL_POSITION_INT, without a fix LOCAL_POSITION_NED";
+        "V_Ground": "GLOBAL_POSITION_INT, without a fix LOCAL_POSITION_NED";
     }
     3010 sends "by 17001, on 17002; never of a silent vehicle" {
         "Time Stamp": MEASURED;
@@ -104,15 +104,15 @@ facts! {
         "Longitude": "GLOBAL_POSITION_INT, absent without a fix";
         "Altitude": "GLOBAL_POSITION_INT and the geoid separation";
         "Altitude Type": "3 once the geoid separation is known (GPS_RAW_INT), else 1";
-        "U_Speed": "LOCAL_POSITION_NED, north";
-        "V_Speed": "LOCAL_POSITION_NED, east";
-        "W_Speed": "LOCAL_POSITION_NED, down";
-        "Roll": "ATTITUDE";
-        "Pitch": "ATTITUDE";
-        "Heading": "ATTITUDE, true";
-        "Roll Rate": "ATTITUDE";
-        "Pitch Rate": "ATTITUDE";
-        "Turn Rate": "ATTITUDE";
+        "U_Speed": "GLOBAL_POSITION_INT, without a fix LOCAL_POSITION_NED, north";
+        "V_Speed": "GLOBAL_POSITION_INT, without a fix LOCAL_POSITION_NED, east";
+        "W_Speed": "GLOBAL_POSITION_INT, without a fix LOCAL_POSITION_NED, down";
+        "Roll": "ATTITUDE, brought to the Time Stamp by its rates";
+        "Pitch": "ATTITUDE, brought to the Time Stamp by its rates";
+        "Heading": "ATTITUDE, true, brought to the Time Stamp by its rates";
+        "Roll Rate": "ATTITUDE, about the body's axis";
+        "Pitch Rate": "ATTITUDE, about the body's axis";
+        "Turn Rate": "ATTITUDE, about the body's axis";
     }
     4001 sends "every 400 ms from LOI 2 on, by 17001, on 17002; never of a silent vehicle" {
         "Time Stamp": MEASURED;
