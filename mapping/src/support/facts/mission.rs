@@ -65,7 +65,7 @@ facts! {
         "Loiter Direction": "of a fixed wing: 1 clockwise, 2 counter-clockwise; of any vehicle others but 0 are refused, into the wind too";
         "Loiter Speed": "within the circle of a fixed wing";
         "Speed Type": "0, 1 and 2 alike; others are refused";
-        "Loiter Duration": "NAV_LOITER_TIME; 0: no loiter; absent: unlimited (NAV_LOITER_UNLIM)";
+        "Loiter Duration": "NAV_LOITER_TIME, which a multicopter counts from NAV_ACC_RAD before the place; 0: no loiter; absent: unlimited (NAV_LOITER_UNLIM)";
         "Loiter Duration Units": "0 seconds; 1 turns of a fixed wing, where radius and speed are given";
     } sends "on download" {
         "Time Stamp": STAMP;
