@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
-use mavlink_link::dialect::{MavLandedState, MissionState};
+use mavlink_link::dialect::MavLandedState;
 use stanag_msgs::enums::{FlightPathControlMode as Mode, RouteType};
 
 use super::loss_action::{Action, LossContext};
@@ -76,10 +76,9 @@ impl Flight {
         let holds = vehicle.settled_mode() == Some(Px4Mode::LOITER);
         let entered = self.watched.entered == Some(Px4Mode::LOITER) || self.maneuver.is_some();
         let (reported, uploaded) = (vehicle.telemetry.mission?, mission.uploaded?);
-        let over = reported.state == MissionState::MISSION_STATE_COMPLETE
-            && mission.progress.was_flown()
+        let ended = mission.progress.stays_at_end(&vehicle.telemetry)
             && uploaded.is_aboard(reported.mission_id);
-        (holds && over && !entered).then_some(uploaded.route_type)
+        (holds && ended && !entered).then_some(uploaded.route_type)
     }
 
     /// Whether this process has seen the route of contingency A flown to its end. After a restart, earlier commands of a

@@ -536,6 +536,7 @@ impl Flight {
         let situation = Situation {
             telemetry,
             uploaded: context.mission.uploaded,
+            progress: context.mission.progress,
             loaded: context.mission.loaded,
             plan: context.mission.plan,
             just_loaded,
@@ -554,6 +555,8 @@ impl Flight {
         };
         let winged = situation.wings.is_some();
         let hovers_instead = mode_command::hovers_instead(command, &situation);
+        let restarts = mode_command::restarts_route(command, &situation)
+            && command.select_flight_path_control_mode == Some(Mode::Waypoint);
         // A refused command changes nothing: the altimeter setting is stored only if the rest can be flown.
         let task = mode_command::task(command, &situation).and_then(|task| {
             self.set_altimeter(altimeter, origin, effects)
@@ -593,9 +596,6 @@ impl Flight {
                 if let Some(why) = waits_for_transfer(&steps, context) {
                     return effects.refuse(origin, why);
                 }
-                let uploaded = context.mission.uploaded;
-                let restarts = mode_command::restarts_route(command, telemetry, uploaded)
-                    && command.select_flight_path_control_mode == Some(Mode::Waypoint);
                 if restarts && context.mission.progress.was_flown() {
                     report_restart(context, effects);
                 }

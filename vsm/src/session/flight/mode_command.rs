@@ -298,6 +298,7 @@ mod tests {
 
     use super::super::situation::UnderWay;
     use super::*;
+    use crate::session::mission::progress::RouteProgress;
     use crate::session::mission::record::UploadedMission;
 
     fn task_of(
@@ -309,6 +310,7 @@ mod tests {
         let at = Situation {
             telemetry,
             uploaded,
+            progress: &RouteProgress::default(),
             loaded: None,
             plan: &Plan::default(),
             just_loaded: false,

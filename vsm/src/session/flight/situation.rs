@@ -18,6 +18,7 @@ use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
 use super::steering;
 use crate::session::maneuver::{self, Step};
+use crate::session::mission::progress::RouteProgress;
 use crate::session::mission::record::UploadedMission;
 
 /// The result of a 2016.
@@ -62,6 +63,8 @@ impl Task {
 pub(crate) struct Situation<'a> {
     pub(crate) telemetry: &'a Telemetry,
     pub(crate) uploaded: Option<&'a UploadedMission>,
+    /// How far that has been flown.
+    pub(crate) progress: &'a RouteProgress,
     /// The route that 13000 last loaded.
     pub(crate) loaded: Option<&'a UploadedMission>,
     /// The stored plan.

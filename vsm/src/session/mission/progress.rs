@@ -41,7 +41,9 @@ enum End {
     Ahead,
     /// Flown to its end, and AUTO.MISSION has not been left since.
     Reached,
-    /// And AUTO.MISSION has been left: entered again, the mission is flown again.
+    /// And AUTO.MISSION has been left for a hold, which lasts: entered again, the mission is flown again.
+    Held,
+    /// The same for any other mode, such as a landing.
     Left,
 }
 
@@ -66,6 +68,22 @@ impl RouteProgress {
     /// Whether it may have been flown, completely or in part.
     pub(crate) fn was_flown(&self) -> bool {
         self.begun || !self.witnessed
+    }
+
+    /// Whether the vehicle flies to no item of the route: it was flown to its end, whatever PX4 reports since, or PX4 reports the
+    /// mission as complete.
+    pub(crate) fn is_over(&self, vehicle: &Telemetry) -> bool {
+        self.end != End::Ahead || reports_complete(vehicle)
+    }
+
+    /// Whether the route was flown to its end, and the vehicle has only held since: it is still there.
+    pub(crate) fn stays_at_end(&self, vehicle: &Telemetry) -> bool {
+        match self.end {
+            // After a start of this VSM there, only PX4 knows.
+            End::Ahead => self.was_flown() && reports_complete(vehicle),
+            End::Reached | End::Held => true,
+            End::Left => false,
+        }
     }
 
     /// Updates from the vehicle's present report. `streamed`: it follows a curve of the route in OFFBOARD, where PX4 reports no
@@ -138,9 +156,12 @@ impl RouteProgress {
             End::Ahead if ends => self.end = End::Reached,
             End::Ahead => {}
             _ if moves && !over => self.sent_on(vehicle),
-            End::Left if flies && !over => self.end = End::Ahead,
-            _ if !flies => self.end = End::Left,
-            End::Reached | End::Left => {}
+            End::Held | End::Left if flies && !over => self.end = End::Ahead,
+            End::Reached | End::Held if !flies => {
+                let holds = vehicle.mode == Some(Px4Mode::LOITER);
+                self.end = if holds { End::Held } else { End::Left };
+            }
+            End::Reached | End::Held | End::Left => {}
         }
     }
 
@@ -164,11 +185,10 @@ impl RouteProgress {
             return Along::default();
         };
         let there = |leg: usize| (leg < compiled.order.len()).then_some(leg);
-        let ended = self.end != End::Ahead;
-        if ended || mission.state == MissionState::MISSION_STATE_COMPLETE {
+        if self.is_over(vehicle) {
             // A completed route has no current waypoint. A route that has not been started leads to its first waypoint,
             // whatever the vehicle reports about the previous one.
-            return if ended || self.was_flown() {
+            return if self.was_flown() {
                 // A landing pattern may have been entered from any leg, so its end proves nothing about the last waypoint.
                 let inferred = compiled.landing_start().is_none();
                 let last = compiled.order.len().checked_sub(1);
@@ -202,6 +222,13 @@ impl RouteProgress {
     }
 }
 
+fn reports_complete(vehicle: &Telemetry) -> bool {
+    let complete = MissionState::MISSION_STATE_COMPLETE;
+    vehicle
+        .mission
+        .is_some_and(|mission| mission.state == complete)
+}
+
 #[cfg(test)]
 mod tests {
     use mapping::altitude::Level;
@@ -214,13 +241,13 @@ mod tests {
     /// MAV_CMD_NAV_WAYPOINT, DO_LAND_START, NAV_LAND.
     const PATTERN: [u16; 3] = [16, 189, 21];
 
-    /// The From of 4001 after a mission of these items, none of which was reported as reached.
-    fn from_at_the_end(commands: &[u16]) -> Option<usize> {
+    /// A mission of these items, of which the first is the place of waypoint 7.
+    fn compiled(commands: &[u16]) -> CompiledMission {
         let item = |command: &u16| Item {
             command: *command,
             ..Item::default()
         };
-        let compiled = CompiledMission {
+        CompiledMission {
             items: commands.iter().map(item).collect(),
             waypoint_of: vec![7, 0, 0],
             order: vec![Leg {
@@ -231,9 +258,13 @@ mod tests {
                 speed_m_s: None,
             }],
             ..CompiledMission::default()
-        };
-        let vehicle = Telemetry {
-            mode: Some(Px4Mode::MISSION),
+        }
+    }
+
+    /// A vehicle at the end of its mission, in this mode.
+    fn at_the_end(mode: Px4Mode) -> Telemetry {
+        Telemetry {
+            mode: Some(mode),
             mission: Some(MissionProgress {
                 seq: 0,
                 total: None,
@@ -243,7 +274,12 @@ mod tests {
                 rally_points_id: 0,
             }),
             ..Telemetry::default()
-        };
+        }
+    }
+
+    /// The From of 4001 after a mission of these items, none of which was reported as reached.
+    fn from_at_the_end(commands: &[u16]) -> Option<usize> {
+        let (compiled, vehicle) = (compiled(commands), at_the_end(Px4Mode::MISSION));
         let mut progress = RouteProgress::default();
         progress.begin(&vehicle);
         progress.look(&compiled, &vehicle, false);
@@ -254,5 +290,36 @@ mod tests {
     fn a_landing_proves_nothing_about_the_last_waypoint_of_its_route() {
         assert_eq!(from_at_the_end(&PATTERN[..1]), Some(0));
         assert_eq!(from_at_the_end(&PATTERN), None);
+    }
+
+    #[test]
+    fn a_route_stays_over_after_a_landing_and_the_vehicle_is_no_longer_at_its_end() {
+        let compiled = compiled(&PATTERN[..1]);
+        let mut vehicle = at_the_end(Px4Mode::MISSION);
+        let mut progress = RouteProgress::default();
+        progress.begin(&vehicle);
+        vehicle.reached = Some(0);
+        let mut look = |mode, state| {
+            vehicle.mode = Some(mode);
+            vehicle.mission = vehicle
+                .mission
+                .map(|mission| MissionProgress { state, ..mission });
+            // What was reached counts from the next report on.
+            progress.look(&compiled, &vehicle, false);
+            progress.look(&compiled, &vehicle, false);
+            (progress.is_over(&vehicle), progress.stays_at_end(&vehicle))
+        };
+        let (active, complete) = (
+            MissionState::MISSION_STATE_ACTIVE,
+            MissionState::MISSION_STATE_COMPLETE,
+        );
+        assert_eq!(look(Px4Mode::MISSION, active), (false, false));
+        assert_eq!(look(Px4Mode::MISSION, complete), (true, true));
+        assert_eq!(look(Px4Mode::LOITER, complete), (true, true));
+        // PX4 takes it back.
+        assert_eq!(look(Px4Mode::LAND, active), (true, false));
+        assert_eq!(look(Px4Mode::LOITER, active), (true, false));
+        // It is flown again.
+        assert_eq!(look(Px4Mode::MISSION, active), (false, false));
     }
 }

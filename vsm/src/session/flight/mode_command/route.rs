@@ -5,8 +5,6 @@ use mapping::airframe::Airframe;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::route::check_way;
-use mapping::telemetry::Telemetry;
-use mavlink_link::dialect::MissionState;
 use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
@@ -154,7 +152,7 @@ fn continued_from(
     uploaded: &UploadedMission,
     at: &Situation<'_>,
 ) -> Option<u16> {
-    let restart = restarts_route(command, at.telemetry, Some(uploaded)).then_some(0);
+    let restart = restarts_route(command, at).then_some(0);
     match at.under_way.item {
         // The target of an earlier command that the vehicle does not report yet.
         Some(item) if !uploaded.compiled.lands(item) => Some(item),
@@ -221,17 +219,13 @@ fn comes_level(uploaded: &UploadedMission, seq: u16, enters: bool, at: &Situatio
 }
 
 /// Whether a completed route restarts: if the mode is commanded without a waypoint.
-pub(crate) fn restarts_route(
-    command: &VehicleOperatingModeCommand,
-    vehicle: &Telemetry,
-    uploaded: Option<&UploadedMission>,
-) -> bool {
+pub(crate) fn restarts_route(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> bool {
     // A fixed wing's mission is not complete at the end of its route: it loiters there until its landing.
-    let past = |seq| uploaded.is_some_and(|uploaded| uploaded.compiled.is_past_the_route(seq));
-    let complete = vehicle.mission.is_some_and(|mission| {
-        mission.state == MissionState::MISSION_STATE_COMPLETE || past(mission.seq)
-    });
-    complete && names_mode(command) && !steps_to_waypoint(command)
+    let seq = at.telemetry.mission.map(|mission| mission.seq);
+    let past = at.uploaded.zip(seq);
+    let past = past.is_some_and(|(uploaded, seq)| uploaded.compiled.is_past_the_route(seq));
+    let over = past || at.progress.is_over(at.telemetry);
+    over && names_mode(command) && !steps_to_waypoint(command)
 }
 
 /// Whether the route aboard is the one to fly: mode 11 flies the route that 13000 loaded, except for contingency routes.
