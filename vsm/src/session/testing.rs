@@ -36,6 +36,7 @@ use super::link::state::VehicleState;
 use super::log::LogEntry;
 use super::logical::LogicalIds;
 use super::mission::progress::RouteProgress;
+use super::mission::record::UploadedMission;
 use super::outbox::Outbox;
 use super::paths::Paths;
 use super::station::GroundStation;
@@ -68,6 +69,8 @@ pub(crate) struct World {
     /// A maneuver is in progress.
     pub(crate) maneuver: bool,
     pub(crate) plan: Plan,
+    /// The mission that the vehicle carries.
+    pub(crate) uploaded: Option<UploadedMission>,
     pub(crate) transfer: Transfer,
     pub(crate) areas: Areas,
     pub(crate) termination: TerminationView,
@@ -143,6 +146,7 @@ impl World {
             loiter: LoiterConfiguration::default(),
             maneuver: false,
             plan: Plan::default(),
+            uploaded: None,
             transfer: Transfer::None,
             areas: Areas::default(),
             termination: TerminationView::default(),
@@ -278,7 +282,7 @@ impl World {
         };
         let mission = MissionView {
             plan: &self.plan,
-            uploaded: None,
+            uploaded: self.uploaded.as_ref(),
             loaded: None,
             progress: &self.progress,
             transfer: self.transfer,

@@ -56,6 +56,7 @@ use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
 use self::sticks::{Due, SEEN_WITHIN, Sticks};
 use self::watched::Watched;
+use self::wings::BreakOff;
 use super::context::{self, FlightView, MissionView, Origin, ParameterView};
 use super::contingency::Contingencies;
 use super::contingency::priority::Turn;
@@ -94,6 +95,8 @@ pub(crate) struct Flight {
     /// When the command arrived whose route is, or was, being uploaded.
     load_commanded: Option<Duration>,
     watched: Watched,
+    /// A wing is commanded off its final approach, and has not reported that it left it.
+    breaks_off: Option<BreakOff>,
     /// Where AUTO.LAND began, while the vehicle is in it, m above mean sea level.
     landing_from_m: Option<f64>,
     /// A restart of the VSM interrupted a launch whose outcome is not known yet.
@@ -343,6 +346,8 @@ impl Flight {
                     && let Progress::Refused(why) = maneuver.handle_mission(event)
                 {
                     let origin = *origin;
+                    // It stays on its item; PX4 may break its landing off by itself.
+                    self.breaks_off = None;
                     self.fail(context, origin, why, effects);
                 }
             }

@@ -12,7 +12,8 @@ use mapping::report::{self, Commanded};
 use stanag_msgs::enums::{AckType, AlertPriority, FlightPathControlMode as Mode, SubsystemId};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
-use super::{Context, Flight, curve_stream, select, wings};
+use super::wings::{BreakOff, Shown};
+use super::{Context, Flight, curve_stream, select};
 use crate::config::OnLoss;
 use crate::session::context::{Continues, Origin};
 use crate::session::effects::{Effects, Request};
@@ -32,14 +33,12 @@ impl Flight {
             let config = self.contingencies.config(&context.config.contingency);
             self.contingencies.overridden(&config, effects);
         }
-        // Whatever has commanded it: the one place that every maneuver passes.
-        let already = |(_, running): &(_, Maneuver)| running.leaves_its_item();
-        if !self.maneuver.as_ref().is_some_and(already)
-            && let Some(text) =
-                wings::broken_off(&maneuver, &context.vehicle.telemetry, &context.mission)
-        {
-            effects.notify(AlertPriority::Warning, SubsystemId::VsmStatus, text);
-        }
+        // Whatever has commanded it: the one place that every maneuver passes. What was commanded before may still take effect.
+        let breaks_off = BreakOff::by(&maneuver, &context.vehicle.telemetry, &context.mission);
+        self.breaks_off = match (breaks_off, self.breaks_off.take()) {
+            (Some(later), Some(before)) => Some(later.after(before)),
+            (one, other) => one.or(other),
+        };
         self.stream_curve(context, curve_stream::Input::Superseded, effects);
         self.supersede(context, origin, effects);
         self.maneuver = Some((origin, maneuver));
@@ -225,8 +224,25 @@ impl Flight {
         self.steering.give_up(context.mono());
     }
 
+    /// Warns of a landing that was broken off, once the vehicle reports it: PX4 may refuse what was commanded.
+    fn report_break_off(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let Some(breaks_off) = &self.breaks_off else {
+            return;
+        };
+        let text = match breaks_off.shown_by(context.vehicle, &context.mission) {
+            Shown::NotYet => return,
+            Shown::Otherwise => None,
+            Shown::BrokenOff(text) => Some(text),
+        };
+        self.breaks_off = None;
+        if let Some(text) = text {
+            effects.notify(AlertPriority::Warning, SubsystemId::VsmStatus, text);
+        }
+    }
+
     pub(super) fn advance(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         self.advance_look(context, effects);
+        self.report_break_off(context, effects);
         let Some((origin, maneuver)) = &mut self.maneuver else {
             return;
         };
@@ -291,6 +307,7 @@ impl Flight {
         if context.vehicle.telemetry.mode != Some(Px4Mode::OFFBOARD) {
             self.steering.release();
         }
+        self.breaks_off = None;
         self.fail(context, origin, why, effects);
     }
 

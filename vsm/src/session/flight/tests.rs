@@ -1,7 +1,10 @@
 //! The machine without the others: commands go in, the vehicle's side is played by the test.
 
-use mapping::telemetry::MissionProgress;
+use mapping::plan::Plan;
+use mapping::route::CompiledMission;
+use mapping::telemetry::{MissionProgress, Place};
 use mavlink_link::dialect::{MavCmd, MavLandedState, MavResult, MavState, MavType, MissionState};
+use mavlink_link::service::mission::Item;
 use stanag_msgs::TimeStamp;
 use stanag_msgs::enums::HeadingCommandType;
 use stanag_msgs::scalar::{Bam16, Scaled};
@@ -9,6 +12,7 @@ use stanag_msgs::scalar::{Bam16, Scaled};
 use super::*;
 use crate::config::OnLoss;
 use crate::session::context::Continues;
+use crate::session::mission::record::UploadedMission;
 use crate::session::other::Other;
 use crate::session::testing::{World, acknowledgements, origin};
 
@@ -859,5 +863,102 @@ fn a_late_report_of_sticks_that_were_released_drops_no_command_that_waits_for_it
         world.show_mode(newer);
         handle(&mut world, &mut flight, Input::Advance);
         assert_eq!(world.requests.is_empty(), !taken);
+    }
+}
+
+/// A wing on its final approach, 20 m above home, with a mission of a touch-down alone.
+fn on_final() -> (World, Flight) {
+    const NAV_LAND: u16 = 21;
+    let mut world = World::airborne(Px4Mode::MISSION);
+    world.vehicle.telemetry.vehicle_type = Some(MavType::MAV_TYPE_FIXED_WING);
+    let touch_down = Item {
+        command: NAV_LAND,
+        ..Item::default()
+    };
+    world.uploaded = Some(UploadedMission {
+        compiled: CompiledMission {
+            items: vec![touch_down],
+            waypoint_of: vec![0],
+            ..CompiledMission::default()
+        },
+        mission_id: 0,
+        route_type: RouteType::Flight,
+        mission_name: String::new(),
+        plan: Plan::default(),
+    });
+    world.vehicle.telemetry.mission = Some(MissionProgress {
+        seq: 0,
+        total: Some(1),
+        state: MissionState::MISSION_STATE_ACTIVE,
+        mission_id: 0,
+        fence_id: 0,
+        rally_points_id: 0,
+    });
+    (world, Flight::default())
+}
+
+/// The alert that station 0 was sent of a landing that was broken off.
+fn broken_off(world: &mut World) -> Option<String> {
+    let texts = world.sent_to(0).into_iter().filter_map(|message| {
+        let Message::SubsystemStatusAlert(alert) = message else {
+            return None;
+        };
+        Some(alert.text?.as_str().to_owned())
+    });
+    // A long text comes in several parts.
+    let all: String = texts.collect();
+    all.find("the landing is broken off")
+        .map(|from| all[from..].to_owned())
+}
+
+#[test]
+fn a_landing_is_broken_off_once_the_vehicle_reports_it_and_not_where_it_refuses() {
+    for (result, warns) in [(ACCEPTED, true), (DENIED, false)] {
+        let (mut world, mut flight) = on_final();
+        handle(&mut world, &mut flight, Input::Hold);
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(world.commanded_modes(), [Px4Mode::LOITER]);
+        world.command_was_sent();
+        for event in world.answer(MavCmd::MAV_CMD_DO_SET_MODE, result) {
+            handle(&mut world, &mut flight, Input::CommandEnded(&event));
+        }
+        // It sinks until the mode is reported.
+        let place = &mut world.vehicle.telemetry.position;
+        *place = place.map(|place| Place {
+            amsl_m: place.amsl_m - 2.0,
+            ..place
+        });
+        world.show_mode(Px4Mode::MISSION);
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(broken_off(&mut world), None, "{result:?}");
+        world.show_mode(Px4Mode::LOITER);
+        handle(&mut world, &mut flight, Input::ModeChanged);
+        handle(&mut world, &mut flight, Input::Advance);
+        let text = broken_off(&mut world);
+        assert_eq!(text.is_some(), warns, "{result:?} {text:?}");
+        let names = |text: String| {
+            text.contains("18 m above home") && text.contains("AUTO.LOITER; it keeps")
+        };
+        assert_eq!(text.is_some_and(names), warns);
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(broken_off(&mut world), None, "once");
+    }
+}
+
+#[test]
+fn a_landing_that_another_has_taken_or_that_ends_is_not_broken_off() {
+    let shown: [fn(&mut World); 3] = [
+        |world| world.show_mode(Px4Mode::POSCTL),
+        |world| world.vehicle.telemetry.landed = Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND),
+        // Of a silent vehicle the item is not known for a second.
+        |world| world.vehicle.telemetry.mission = None,
+    ];
+    for show in shown {
+        let (mut world, mut flight) = on_final();
+        handle(&mut world, &mut flight, Input::Hold);
+        handle(&mut world, &mut flight, Input::Advance);
+        show(&mut world);
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(broken_off(&mut world), None);
     }
 }

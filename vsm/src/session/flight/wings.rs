@@ -29,7 +29,8 @@ use super::situation::{
     flown_as, has, holds, mission_not_reported, names_mode, place, plain, speed,
 };
 use super::steering::{self, Direction};
-use crate::session::context::MissionView;
+use crate::session::context::{MissionView, may_be_on_final};
+use crate::session::link::state::VehicleState;
 use crate::session::maneuver::{self, Maneuver, Step};
 use crate::session::mission::record::UploadedMission;
 
@@ -198,39 +199,91 @@ pub(super) fn wave_off(at: &Situation<'_>) -> Result<Task, String> {
     }
 }
 
-/// What operators are sent where a maneuver takes a wing off its final approach, in whatever mode; `None` where it does not.
+/// A maneuver that takes a wing off its final approach, in whatever mode.
 ///
 /// It is carried out all the same: a runway that is not free is known to the operator alone. But a hold or a course begins at
 /// the height of that moment, which may be a few metres, and only a go-around climbs by itself.
-pub(super) fn broken_off(
-    maneuver: &Maneuver,
-    telemetry: &Telemetry,
-    mission: &MissionView<'_>,
-) -> Option<String> {
-    let leaves = maneuver.leaves_its_item() && !maneuver.goes_around();
-    if !leaves || !mission.is_on_final(telemetry) {
-        return None;
+#[derive(Debug)]
+pub(super) struct BreakOff {
+    /// In these modes the vehicle may have left it.
+    modes: Vec<Px4Mode>,
+    /// Nothing is commanded that climbs.
+    keeps_height: bool,
+}
+
+/// What a vehicle that is to leave its final approach reports.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Shown {
+    /// Nothing of it yet.
+    NotYet,
+    /// It has left the approach, with this text for operators.
+    BrokenOff(String),
+    /// It has landed, or somebody else has it.
+    Otherwise,
+}
+
+impl BreakOff {
+    /// `None` where the maneuver leaves no final approach, or climbs out of it.
+    pub(super) fn by(
+        maneuver: &Maneuver,
+        telemetry: &Telemetry,
+        mission: &MissionView<'_>,
+    ) -> Option<BreakOff> {
+        let leaves = maneuver.leaves_its_item() && !maneuver.goes_around();
+        if !leaves || !telemetry.airborne() || !mission.is_on_final(telemetry) {
+            return None;
+        }
+        // A place without an altitude is flown to at the present one.
+        let commanded_m = maneuver.commanded.altitude_amsl_m;
+        let climbs = commanded_m
+            .zip(telemetry.position)
+            .is_some_and(|(amsl_m, here)| amsl_m > here.amsl_m + NEAR_M);
+        let keeps = |mode| KEEP_HEIGHT.contains(&mode);
+        let to_item = maneuver.sends_to().map(|_| Px4Mode::MISSION);
+        Some(BreakOff {
+            modes: maneuver.modes().chain(to_item).collect(),
+            keeps_height: maneuver.last_mode().is_some_and(keeps) && !climbs,
+        })
     }
-    let places = telemetry.position.zip(telemetry.home);
-    let height = places.map_or_else(String::new, |(here, home)| {
-        format!(", {:.0} m above home", here.amsl_m - home.amsl_m)
-    });
-    let mode = maneuver.last_mode().unwrap_or(Px4Mode::MISSION);
-    // A place without an altitude is flown to at the present one.
-    let commanded_m = maneuver.commanded.altitude_amsl_m;
-    let climbs = commanded_m
-        .zip(telemetry.position)
-        .is_some_and(|(amsl_m, here)| amsl_m > here.amsl_m + NEAR_M);
-    let level = KEEP_HEIGHT.contains(&mode) && !climbs;
-    let follows = if level {
-        "; it keeps that height until an altitude is commanded (2016)"
-    } else {
-        ""
-    };
-    Some(format!(
-        "the landing is broken off on the final approach{height}, by {}{follows}",
-        mode.name()
-    ))
+
+    /// This one, commanded while an earlier one may still take effect.
+    pub(super) fn after(mut self, before: BreakOff) -> BreakOff {
+        let mut before = before.modes;
+        before.retain(|mode| !self.modes.contains(mode));
+        self.modes.append(&mut before);
+        self
+    }
+
+    /// Whether the vehicle has left its final approach, by reports of after the command.
+    pub(super) fn shown_by(&self, vehicle: &VehicleState, mission: &MissionView<'_>) -> Shown {
+        let telemetry = &vehicle.telemetry;
+        let Some(mode) = vehicle.settled_mode() else {
+            return Shown::NotYet;
+        };
+        if !telemetry.airborne() {
+            return Shown::Otherwise;
+        }
+        // Within AUTO.MISSION it leaves by another item, which is not known for a second after a silence.
+        if mission.is_on_final(telemetry) || may_be_on_final(telemetry) {
+            return Shown::NotYet;
+        }
+        if !self.modes.contains(&mode) {
+            return Shown::Otherwise;
+        }
+        let places = telemetry.position.zip(telemetry.home);
+        let height = places.map_or_else(String::new, |(here, home)| {
+            format!(", {:.0} m above home", here.amsl_m - home.amsl_m)
+        });
+        let follows = if self.keeps_height {
+            "; it keeps that height until an altitude is commanded (2016)"
+        } else {
+            ""
+        };
+        Shown::BrokenOff(format!(
+            "the landing is broken off on the final approach{height}, by {}{follows}",
+            mode.name()
+        ))
+    }
 }
 
 /// Mode 21: the steps, and their commanded values.

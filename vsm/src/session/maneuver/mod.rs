@@ -138,14 +138,7 @@ impl Maneuver {
 
     /// Whether it still has to enter this mode.
     pub(crate) fn enters(&self, mode: Px4Mode) -> bool {
-        let mut left = self.steps.iter();
-        left.any(|step| match step {
-            Step::Confirm {
-                confirmation: Confirmation::Mode(modes),
-                ..
-            } => modes.contains(&mode),
-            _ => false,
-        })
+        self.modes().any(|one| one == mode)
     }
 
     /// The mission item that it still has to send the vehicle to.
@@ -157,16 +150,15 @@ impl Maneuver {
         })
     }
 
+    /// The modes that it still has to enter; where one of several will do, all of them.
+    pub(crate) fn modes(&self) -> impl Iterator<Item = Px4Mode> {
+        self.steps.iter().filter_map(Step::modes).flatten().copied()
+    }
+
     /// The last mode that it still has to enter.
     pub(crate) fn last_mode(&self) -> Option<Px4Mode> {
         let mut left = self.steps.iter().rev();
-        left.find_map(|step| match step {
-            Step::Confirm {
-                confirmation: Confirmation::Mode(modes),
-                ..
-            } => modes.first().copied(),
-            _ => None,
-        })
+        left.find_map(|step| step.modes()?.first().copied())
     }
 
     /// Whether it takes a vehicle in AUTO.MISSION away from the item that it flies: to another one, or out of the mode.

@@ -47,6 +47,17 @@ impl Step {
         }
     }
 
+    /// The modes of which it waits for one, if it is the last to wait for them.
+    pub(super) fn modes(&self) -> Option<&'static [Px4Mode]> {
+        match self {
+            Step::Confirm {
+                confirmation: Confirmation::Mode(modes),
+                ..
+            } => Some(*modes),
+            _ => None,
+        }
+    }
+
     /// Whether it waits for a mode, so that the command before it enters that mode.
     pub(super) fn confirms_a_mode(&self) -> bool {
         matches!(
@@ -98,13 +109,7 @@ pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
 
 /// The mode in which the steps leave a vehicle that is in the mode `now`; `None` if it may be one of several.
 pub(crate) fn mode_after(steps: &[Step], now: Option<Px4Mode>) -> Option<Px4Mode> {
-    let mut modes = steps.iter().rev().filter_map(|step| match step {
-        Step::Confirm {
-            confirmation: Confirmation::Mode(modes),
-            ..
-        } => Some(*modes),
-        _ => None,
-    });
+    let mut modes = steps.iter().rev().filter_map(Step::modes);
     match modes.next() {
         None => now,
         Some([mode]) => Some(*mode),
