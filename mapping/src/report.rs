@@ -351,7 +351,9 @@ pub(crate) fn scaled<R: Integer, S: Scale>(value: Option<f64>) -> Option<Scaled<
     Scaled::from_si(value?).ok()
 }
 
-fn ua_state(vehicle: &Telemetry) -> UaState {
+/// UA State of 3002.
+#[must_use]
+pub fn ua_state(vehicle: &Telemetry) -> UaState {
     let failsafe = matches!(
         vehicle.system_status,
         Some(MavState::MAV_STATE_CRITICAL | MavState::MAV_STATE_EMERGENCY)

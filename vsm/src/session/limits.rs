@@ -77,7 +77,7 @@ pub(crate) const ALERTS: Rate = Rate::one_in(Duration::from_millis(50), 200);
 /// Changes of the vehicle's own parameters in the log: a ground station that loads a file of them is logged whole, and a value that
 /// flutters does not push everything else out of the page's events.
 pub(crate) const PARAMETER_NOTES: Rate = Rate::one_in(Duration::from_secs(1), 100);
-/// Changes of mode that are reported by themselves.
+/// Changes of mode that are reported by themselves, and as many of UA State.
 pub(crate) const MODES: Rate = Rate::one_in(Duration::from_millis(100), 40);
 
 /// Refusals of web clients in the log. Whoever is refused without end must not push everything else out of the page's events;

@@ -126,6 +126,7 @@ impl Aircraft {
                 self.flight(dli, flight::Input::ModeChanged);
                 self.observe(dli, reports::Input::ModeChanged);
             }
+            VehicleEvent::StateChanged => self.observe(dli, reports::Input::StateChanged),
             VehicleEvent::Command(event) => {
                 self.link.operator_control.answered(&event);
                 self.flight(dli, flight::Input::CommandEnded(&event));

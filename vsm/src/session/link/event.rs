@@ -21,6 +21,8 @@ pub(crate) enum VehicleEvent {
     /// The vehicle has restarted: its clock since boot went back.
     Restarted,
     ModeChanged,
+    /// The UA State that 3002 reports is another one, in the same mode.
+    StateChanged,
     /// An operation of the mission service ended or progressed.
     Mission(mission::Event),
     /// A command ended.

@@ -1,5 +1,6 @@
 //! Reception: only frames that the link accepts update the vehicle's state, and only fresh ones answer a request.
 
+use mapping::report;
 use mavlink_link::dialect::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult, MavType};
 use mavlink_link::frame::{FrameView, Header};
 use mavlink_link::service::{Node, param};
@@ -131,6 +132,7 @@ impl VehicleLink {
             Self::send_ground(effects);
         }
         let mode = vehicle.telemetry.mode;
+        let state = report::ua_state(&vehicle.telemetry);
         if (vehicle.measured).takes(now, &effects.vehicle.clock, message) {
             vehicle.telemetry.update(message);
         }
@@ -188,6 +190,8 @@ impl VehicleLink {
         }
         if vehicle.telemetry.mode != mode {
             self.events.push_back(VehicleEvent::ModeChanged);
+        } else if vehicle.live() && report::ua_state(&vehicle.telemetry) != state {
+            self.events.push_back(VehicleEvent::StateChanged);
         }
         missions.handle_message(now, node, message, fresh.mission);
         commands.handle_message(now, node, message, fresh.command);

@@ -2,7 +2,10 @@
 //! another waits.
 
 use mavlink_link::clock::Origin;
-use mavlink_link::dialect::{ATTITUDE_DATA, HEARTBEAT_DATA, MavMessage};
+use mavlink_link::dialect::{
+    ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavLandedState, MavMessage,
+    MavVtolState,
+};
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::link::{LinkConfig, Security};
 use mavlink_link::signing::{sign, verify};
@@ -92,6 +95,34 @@ fn a_vehicle_is_live_from_its_heartbeat_until_it_is_silent() {
     assert_eq!(wait(&mut world, &mut link, SILENCE), [], "reported once");
     let again = receive(&mut world, &mut link, VEHICLE, &heartbeat(1));
     assert_eq!(again, [LinkUp]);
+}
+
+#[test]
+fn a_change_of_the_state_in_one_mode_is_an_event_and_one_that_is_repeated_is_not() {
+    use MavVtolState as V;
+    let (mut world, mut link) = start();
+    let shows = |vtol_state| {
+        MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA {
+            landed_state: MavLandedState::MAV_LANDED_STATE_IN_AIR,
+            vtol_state,
+        })
+    };
+    // Nothing is reported of a vehicle that is not live.
+    let silent = receive(&mut world, &mut link, VEHICLE, &shows(V::MAV_VTOL_STATE_MC));
+    assert_eq!(silent, []);
+    receive(&mut world, &mut link, VEHICLE, &heartbeat(1));
+    for (vtol_state, expected) in [
+        (V::MAV_VTOL_STATE_MC, &[][..]),
+        (
+            V::MAV_VTOL_STATE_TRANSITION_TO_FW,
+            &[VehicleEvent::StateChanged],
+        ),
+        (V::MAV_VTOL_STATE_TRANSITION_TO_FW, &[]),
+        (V::MAV_VTOL_STATE_FW, &[VehicleEvent::StateChanged]),
+    ] {
+        let events = receive(&mut world, &mut link, VEHICLE, &shows(vtol_state));
+        assert_eq!(events, expected, "{vtol_state:?}");
+    }
 }
 
 #[test]

@@ -80,6 +80,8 @@ pub(crate) struct Reports {
     ignored: BTreeSet<(usize, u16, u8)>,
     /// Reports of a change of mode.
     modes: Allowance,
+    /// Reports of a change of UA State.
+    states: Allowance,
 }
 
 /// The changeable values last reported by message 3: tail number and Mission ID.
@@ -136,6 +138,8 @@ pub(crate) enum Input<'a> {
     /// The vehicle has restarted.
     Restarted,
     ModeChanged,
+    /// UA State alone has changed.
+    StateChanged,
     ParameterServiceEnded(param::Event),
     /// The vehicle reports an unrequested parameter: another system has changed it.
     ParameterReported(param::Name, param::Value),
@@ -214,7 +218,7 @@ impl Reports {
             }
             Input::LinkUp => {
                 effects.clear(Cause::VehicleSilent, "link to the vehicle is up");
-                self.report_state(context, effects);
+                self.report_changed(context, &[3001, 3002], effects);
                 // They may have changed during the silence, or by a restart.
                 self.read_parameters(context, effects);
             }
@@ -230,7 +234,7 @@ impl Reports {
                     SubsystemId::Comms,
                     "no data from the vehicle: state unknown",
                 );
-                self.report_state(context, effects);
+                self.report_changed(context, &[3001, 3002], effects);
             }
             Input::Restarted => {
                 self.read_parameters(context, effects);
@@ -238,10 +242,13 @@ impl Reports {
                 let text = "the autopilot has restarted";
                 effects.notify(AlertPriority::Warning, AUTOPILOT_SUBSYSTEM, text);
             }
-            // If a vehicle changes its mode with every frame, the scheduled reports are enough.
+            // If a vehicle changes its mode or state with every frame, the scheduled reports are enough.
+            Input::StateChanged if !self.states.take(common.mono(), MODES) => {}
+            // A transition of a VTOL may begin and end between two scheduled reports.
+            Input::StateChanged => self.report_changed(context, &[3002], effects),
             Input::ModeChanged if !self.modes.take(common.mono(), MODES) => {}
             Input::ModeChanged => {
-                self.report_state(context, effects);
+                self.report_changed(context, &[3001, 3002], effects);
                 let mode = common.vehicle.telemetry.mode.map(Px4Mode::reported);
                 if let Some(changed) = mode.and_then(changes::mode) {
                     self.configuration
@@ -319,6 +326,7 @@ impl Reports {
             identity: _,
             ignored: _,
             modes: _,
+            states: _,
         } = self;
         [
             push.poll_timeout(),
@@ -525,11 +533,11 @@ impl Reports {
         }
     }
 
-    /// 3001 and 3002 on change, in addition to their schedule.
-    fn report_state(&self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        for message in [3001, 3002] {
+    /// Of 3001 and 3002 what has changed, in addition to their schedule.
+    fn report_changed(&self, context: &Context<'_>, messages: &[u16], effects: &mut Effects<'_>) {
+        for message in messages {
             let stamp = effects.stamp();
-            if let Some(report) = compose::one(&self.sources(context), message, stamp) {
+            if let Some(report) = compose::one(&self.sources(context), *message, stamp) {
                 effects.publish_to_listeners(&report);
             }
         }

@@ -87,7 +87,7 @@ impl Push {
     }
 }
 
-/// Reports pushed without any 17001; 3001 on change too. At most 500 ms apart, with a margin for a late timer.
+/// Reports pushed without any 17001; 3001 and 3002 on change too. At most 500 ms apart, with a margin for a late timer.
 const DEFAULTS: &[(u16, Duration)] = &[
     (3001, Duration::from_millis(400)),
     (3002, Duration::from_millis(400)),

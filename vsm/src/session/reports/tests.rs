@@ -251,6 +251,22 @@ fn the_silence_of_the_vehicle_stands_as_an_alert_until_it_is_received_again() {
     assert_eq!(world.alerts.standing().count(), 0);
 }
 
+/// A transition of a VTOL may be shorter than the period of 3002.
+#[test]
+fn a_change_of_ua_state_is_reported_at_once_and_not_with_every_frame() {
+    let (mut world, mut reports) = (World::airborne(Px4Mode::LOITER), Reports::default());
+    observe(&mut world, &mut reports, Input::StateChanged);
+    assert_eq!(sent(&mut world, 0), [3002]);
+    for _ in 0..100 {
+        observe(&mut world, &mut reports, Input::StateChanged);
+    }
+    let messages = sent(&mut world, 0);
+    assert!(messages.len() < 40, "{}", messages.len());
+    // One has nothing of the other's allowance.
+    observe(&mut world, &mut reports, Input::ModeChanged);
+    assert!(sent(&mut world, 0).starts_with(&[3001, 3002]));
+}
+
 /// Names of parameters that nobody has, one after the other.
 fn invented(world: &mut World, reports: &mut Reports, count: usize) {
     for number in 0..count {
