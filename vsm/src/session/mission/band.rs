@@ -16,9 +16,10 @@ use std::time::Duration;
 use mapping::mode::Px4Mode;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
+use super::approach::FRESH_S;
 use super::input::Context;
 use super::record::UploadedMission;
-use super::watchdog::{FRESH_S, banks, flown, seconds};
+use super::watchdog::{banks, flown, seconds};
 use crate::config::Outside;
 use crate::session::alerts::Cause;
 use crate::session::effects::{Effects, Request};

@@ -19,33 +19,27 @@ use std::f64::consts::TAU;
 use mapping::altitude::Level;
 use mavlink_link::service::mission::Item;
 
+use super::approach::{Approach, Away, Leg, Moment};
 use super::input::Context;
 use super::record::UploadedMission;
-use super::watchdog::{
-    Away, FRESH_S, NAV_LOITER_TIME, NAV_LOITER_UNLIM, STEP_M, TURN_S, away_from, flown, seconds,
-};
+use super::watchdog::{NAV_LOITER_TIME, NAV_LOITER_UNLIM, TURN_S, away_from, flown, seconds};
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
 
 /// The machine.
 #[derive(Debug, Default)]
 pub(super) struct LandingWatch {
-    approach: Option<Approach>,
+    approach: Option<Approach<Way>>,
 }
 
-/// The flight to one item of the pattern, and about it.
+/// The way to one item of the pattern, and about it.
 #[derive(Debug, Clone, Copy)]
-struct Approach {
-    seq: u16,
+struct Way {
     /// The shortest distances so far.
     best: Away,
     /// It has been on the circle of its loiter.
     circles: bool,
-    /// When it last made progress, s.
-    since_s: f64,
-    /// The highest speed since then, m/s.
-    fastest_m_s: f64,
-    /// It was found to make none.
+    /// It was found to make no progress.
     stuck: bool,
 }
 
@@ -115,7 +109,7 @@ impl LandingWatch {
                 effects.clear(Cause::LandingPattern, "the landing pattern is flown on");
             }
             Finding::Stuck(still_s) => {
-                let circles = self.approach.is_some_and(|approach| approach.circles);
+                let circles = self.approach.is_some_and(|approach| approach.leg.circles);
                 let what = match sample.circle.filter(|_| circles) {
                     Some(circle) => {
                         let turns = still_s / circle.turn_s;
@@ -141,69 +135,58 @@ impl LandingWatch {
 
     /// Updates with the present state; `limit_s` is the longest allowed time without progress on the way.
     fn judge(&mut self, sample: &Sample, limit_s: f64) -> Finding {
-        let approach = match &mut self.approach {
-            // If the clock went back, the vehicle has restarted.
-            Some(approach) if approach.seq == sample.seq && approach.since_s <= sample.time_s => {
-                approach
-            }
-            _ => {
-                self.approach = Some(Approach::begun(sample));
-                return Finding::Progress;
-            }
-        };
-        approach.fastest_m_s = approach.fastest_m_s.max(sample.speed_m_s);
-        if approach.is_nearer(sample) {
+        let Some(approach) = Approach::follow(&mut self.approach, sample) else {
             return Finding::Progress;
-        }
+        };
         let still_s = sample.time_s - approach.since_s;
-        let is_named =
-            sample.named_s >= approach.since_s && sample.time_s - sample.named_s <= FRESH_S;
         // Reported once, with the figures of that moment: an alert that followed them would be a stream.
-        if approach.stuck || !is_named || still_s <= approach.patience_s(sample, limit_s) {
+        if approach.leg.stuck
+            || !approach.is_named(sample)
+            || still_s <= approach.patience_s(sample, limit_s)
+        {
             return Finding::Nothing;
         }
-        approach.stuck = true;
+        approach.leg.stuck = true;
         Finding::Stuck(still_s)
     }
 }
 
-impl Approach {
-    fn begun(sample: &Sample) -> Approach {
-        Approach {
+impl Leg for Way {
+    type Sample = Sample;
+
+    fn moment(sample: &Sample) -> Moment {
+        Moment {
+            time_s: sample.time_s,
+            named_s: sample.named_s,
             seq: sample.seq,
+            speed_m_s: sample.speed_m_s,
+        }
+    }
+
+    fn begun(sample: &Sample) -> Way {
+        Way {
             best: sample.away,
             circles: sample.is_at_circle(),
-            since_s: sample.time_s,
-            fastest_m_s: sample.speed_m_s,
             stuck: false,
         }
     }
 
-    /// Updates with a distance; returns whether it is progress.
     fn is_nearer(&mut self, sample: &Sample) -> bool {
         let arrives = !self.circles && sample.is_at_circle();
         self.circles |= arrives;
         // On its circle it comes no nearer over ground, however long it flies.
-        let ground = !self.circles && sample.away.ground_m < self.best.ground_m - STEP_M;
-        let height = sample.away.height_m < self.best.height_m - STEP_M;
-        if ground {
-            self.best.ground_m = sample.away.ground_m;
-        }
-        if height {
-            self.best.height_m = sample.away.height_m;
-        }
-        let nearer = arrives || ground || height;
+        let nearer = self.best.take_nearer(sample.away, !self.circles) || arrives;
         if nearer {
-            self.since_s = sample.time_s;
-            self.fastest_m_s = sample.speed_m_s;
             self.stuck = false;
         }
         nearer
     }
+}
 
+impl Approach<Way> {
     /// How long it may take without progress, s.
     fn patience_s(&self, sample: &Sample, limit_s: f64) -> f64 {
-        match sample.circle.filter(|_| self.circles) {
+        match sample.circle.filter(|_| self.leg.circles) {
             Some(circle) => circle.stay_s + TURNS * circle.turn_s,
             None => limit_s + TURN_S * self.fastest_m_s,
         }

@@ -14,11 +14,12 @@
 //! - [`route_upload`]: compiles a route and holds the vehicle if needed; [`upload`]: uploads items to the vehicle, for
 //!   routes, the fence and rally points
 //! - [`progress`]: the vehicle's position along its route; [`watchdog`]: whether it makes progress; [`landing`]: the same in
-//!   the landing pattern of a wing; [`descent`]: whether it sinks below the route; [`band`]: whether it leaves its altitude
-//!   band; [`resync`]: whether it still carries the loaded mission
+//!   the landing pattern of a wing; [`approach`]: the flight to one item, as both follow it; [`descent`]: whether it sinks
+//!   below the route; [`band`]: whether it leaves its altitude band; [`resync`]: whether it still carries the loaded mission
 //! - [`fence`]: areas of the configuration and of a CUCS; [`rally`]: rally points to return to; [`kept`]: the common part of
 //!   both
 
+mod approach;
 mod band;
 mod descent;
 mod download;

@@ -20,6 +20,7 @@ use mapping::telemetry::{MissionProgress, Telemetry};
 use mavlink_link::dialect::{MavType, MissionState};
 use mavlink_link::service::mission::Item;
 
+use super::approach::{Approach, Away, Leg, Moment, STEP_M};
 use super::input::Context;
 use super::record::UploadedMission;
 use crate::session::alerts::Cause;
@@ -28,7 +29,7 @@ use crate::session::effects::{Effects, Request};
 /// The machine.
 #[derive(Debug, Default)]
 pub(super) struct MissionWatchdog {
-    approach: Option<Approach>,
+    approach: Option<Approach<Way>>,
 }
 
 /// The vehicle's state along its mission.
@@ -52,13 +53,6 @@ struct Sample {
     slowest_m_s: f64,
 }
 
-/// The distance to an item, over ground and in height.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Away {
-    pub(super) ground_m: f64,
-    pub(super) height_m: f64,
-}
-
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Loiter {
     /// Within this distance it is at its loiter, m.
@@ -67,16 +61,11 @@ struct Loiter {
     stay_s: Option<f64>,
 }
 
-/// The flight to one item.
+/// The way to one item.
 #[derive(Debug, Clone, Copy)]
-struct Approach {
-    seq: u16,
+struct Way {
     /// The shortest distance so far.
     best: Option<Away>,
-    /// When it last made progress, s.
-    since_s: f64,
-    /// The highest speed since then, m/s.
-    fastest_m_s: f64,
     /// Since when it has been further away than a turn explains, s.
     beyond_s: Option<f64>,
 }
@@ -134,22 +123,10 @@ impl MissionWatchdog {
 
     /// Updates with the present state; `limit_s` is the longest allowed time without progress.
     fn judge(&mut self, sample: &Sample, limit_s: f64) -> Finding {
-        let approach = match &mut self.approach {
-            // If the clock went back, the vehicle has restarted.
-            Some(approach) if approach.seq == sample.seq && approach.since_s <= sample.time_s => {
-                approach
-            }
-            _ => {
-                self.approach = Some(Approach::begun(sample));
-                return Finding::Progress;
-            }
-        };
-        approach.fastest_m_s = approach.fastest_m_s.max(sample.speed_m_s);
-        if approach.is_nearer(sample) {
+        let Some(approach) = Approach::follow(&mut self.approach, sample) else {
             return Finding::Progress;
-        }
-        // Decide only if the vehicle has reported this item since, and recently.
-        if sample.named_s < approach.since_s || sample.time_s - sample.named_s > FRESH_S {
+        };
+        if !approach.is_named(sample) {
             return Finding::Nothing;
         }
         let finding = approach.judge(sample, limit_s);
@@ -161,46 +138,44 @@ impl MissionWatchdog {
     }
 }
 
-impl Approach {
-    fn begun(sample: &Sample) -> Approach {
-        Approach {
+impl Leg for Way {
+    type Sample = Sample;
+
+    fn moment(sample: &Sample) -> Moment {
+        Moment {
+            time_s: sample.time_s,
+            named_s: sample.named_s,
             seq: sample.seq,
+            speed_m_s: sample.speed_m_s,
+        }
+    }
+
+    fn begun(sample: &Sample) -> Way {
+        Way {
             best: sample.away,
-            since_s: sample.time_s,
-            fastest_m_s: sample.speed_m_s,
             beyond_s: None,
         }
     }
 
-    /// Updates with a distance; returns whether it is progress.
     fn is_nearer(&mut self, sample: &Sample) -> bool {
         let (Some(best), Some(away)) = (&mut self.best, sample.away) else {
             self.best = self.best.or(sample.away);
             return false;
         };
-        // Separately: on entering AUTO.MISSION PX4 first climbs on the spot, without progress over ground.
-        let ground = away.ground_m < best.ground_m - STEP_M;
-        let height = away.height_m < best.height_m - STEP_M;
-        if ground {
-            best.ground_m = away.ground_m;
-        }
-        if height {
-            best.height_m = away.height_m;
-        }
-        if ground || height {
-            self.since_s = sample.time_s;
-            // A turn back only has to cancel the speed flown since the nearest point.
-            self.fastest_m_s = sample.speed_m_s;
+        let nearer = best.take_nearer(away, true);
+        if nearer {
             self.beyond_s = None;
         }
-        ground || height
+        nearer
     }
+}
 
+impl Approach<Way> {
     fn judge(&mut self, sample: &Sample, limit_s: f64) -> Finding {
         let still_s = sample.time_s - self.since_s;
         // Turning back takes time, and flying back the same again; at a slow speed each step of progress takes long.
         let mut patience_s = limit_s + TURN_S * self.fastest_m_s + STEP_M / sample.slowest_m_s;
-        let (Some(away), Some(best)) = (sample.away, self.best) else {
+        let (Some(away), Some(best)) = (sample.away, self.leg.best) else {
             // A delay (13006) is not a stay at a position, and also ends by time.
             patience_s += sample.loiter.and_then(|delay| delay.stay_s).unwrap_or(0.0);
             return stuck(still_s, patience_s);
@@ -208,7 +183,7 @@ impl Approach {
         if let Some(loiter) = sample.loiter
             && away.ground_m <= loiter.near_m
         {
-            self.beyond_s = None;
+            self.leg.beyond_s = None;
             let Some(stay_s) = loiter.stay_s else {
                 // A loiter without end is never stuck; the time counts from its end.
                 self.since_s = sample.time_s;
@@ -225,13 +200,13 @@ impl Approach {
             HOVERING_ROOM_M + 0.5 * self.fastest_m_s * self.fastest_m_s
         };
         if away.ground_m > best.ground_m + room_m {
-            let since_s = *self.beyond_s.get_or_insert(sample.time_s);
+            let since_s = *self.leg.beyond_s.get_or_insert(sample.time_s);
             // If the MISSION_CURRENT of the next item was lost, a passed waypoint would look like a missed one.
             if sample.time_s - since_s >= BEYOND_FOR_S && sample.named_s >= since_s {
                 return Finding::Missed(away.ground_m);
             }
         } else {
-            self.beyond_s = None;
+            self.leg.beyond_s = None;
         }
         stuck(still_s, patience_s)
     }
@@ -347,8 +322,6 @@ pub(super) fn seconds(ms: u32) -> f64 {
     f64::from(ms) / 1e3
 }
 
-/// Minimum progress: a hovering vehicle moves by as much, m.
-pub(super) const STEP_M: f64 = 1.0;
 /// Seconds per m/s for turning back and flying back.
 pub(super) const TURN_S: f64 = 2.0;
 /// Distance for a stop in addition to v^2 / 2 (a deceleration of 1 m/s^2), m.
@@ -368,8 +341,6 @@ const SLOWEST_CIRCLE_M_S: f64 = 5.0;
 const UNCOMMANDED_M_S: f64 = 1.0;
 /// Minimum assumed speed for a slower command, m/s.
 const SLOWEST_M_S: f64 = 0.01;
-/// MISSION_CURRENT arrives each second and on change, s.
-pub(super) const FRESH_S: f64 = 3.0;
 pub(super) const NAV_LOITER_UNLIM: u16 = 17;
 const NAV_DELAY: u16 = 93;
 pub(super) const NAV_LOITER_TIME: u16 = 19;
