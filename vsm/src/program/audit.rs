@@ -66,7 +66,7 @@ fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
             let name = log.kind.name();
             let present = |head: &String| log.present.iter().find(|(digits, _)| digits == head);
             absent.retain(|head| present(head).is_none());
-            // A person who has kept the digits of a line knows the faults that were found before it.
+            // A person who has kept the digits of a line knows what was reported before it.
             let known = heads.iter().filter_map(present).map(|(_, line)| *line);
             let known = known.max().unwrap_or(0);
             text += &match (log.chain.lines(), log.findings.len()) {
@@ -91,9 +91,9 @@ fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
                 faults += 1;
                 text += &format!("  {finding}\n");
             }
-            for (line, fault) in &log.faults {
+            for (line, report) in &log.reported {
                 faults += usize::from(*line > known);
-                text += &format!("  line {line}: a start of the VSM found: {fault}\n");
+                text += &format!("  line {line}: {report}\n");
             }
         }
     }
@@ -105,7 +105,7 @@ fn verify(path: &Path, heads: &[String]) -> Result<(), Failure> {
     match faults {
         0 => Ok(()),
         _ => Err(failed(anyhow!(
-            "the audit logs are not intact, faults: {faults}"
+            "the audit logs are not intact, or lack lines; faults: {faults}"
         ))),
     }
 }
@@ -198,7 +198,7 @@ fn digits(text: &str) -> Result<String, String> {
     }
 }
 
-const COLUMNS: [&str; 16] = [
+const COLUMNS: [&str; 18] = [
     "log",
     "line",
     "time_ms",
@@ -212,6 +212,8 @@ const COLUMNS: [&str; 16] = [
     "holders",
     "times_gained",
     "times_lost",
+    "not_written",
+    "until_ms",
     "after",
     "key",
     "digits",

@@ -24,6 +24,7 @@ use stanag_msgs::Id;
 use zeroize::Zeroizing;
 
 use super::rules::{Change, Rights};
+use crate::session::dates::utc;
 
 /// The key of the installation's audit logs: `audit.key` in the store's folder.
 pub struct AuditKey(Zeroizing<[u8; 32]>);
@@ -147,6 +148,13 @@ pub enum Entry {
         /// How often it lost some.
         lost: u32,
     },
+    /// Lines that were only counted, since the disk took none for too long. This line has the time of the first of them.
+    NotWritten {
+        /// How many.
+        lines: u64,
+        /// The time of the last of them, since 1970.
+        until: Duration,
+    },
 }
 
 /// The result of examining a log.
@@ -162,8 +170,8 @@ pub struct Verified {
     pub torn: bool,
     /// The id of the first key that is not available: lines with it were not verified.
     pub other_key: Option<String>,
-    /// Faults that earlier starts have recorded: line number and fault.
-    pub faults: Vec<(u64, String)>,
+    /// What its own lines report: faults that earlier starts have found, and lines that were not written. Line number and text.
+    pub reported: Vec<(u64, String)>,
     /// The digits of the requested line, if it is in this log.
     pub digits: Option<String>,
 }
@@ -193,6 +201,27 @@ struct First {
     after: Option<String>,
     key: Option<String>,
     why: Option<String>,
+}
+
+/// What a line names that stands for lines that were not written.
+#[derive(Deserialize)]
+struct Counted {
+    time_ms: u64,
+    until_ms: u64,
+    not_written: u64,
+}
+
+impl fmt::Display for Counted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let time = |ms: u64| utc(ms / 1_000);
+        write!(
+            f,
+            "not written: {} lines, from {} to {}: the disk took none",
+            self.not_written,
+            time(self.time_ms),
+            time(self.until_ms)
+        )
+    }
 }
 
 #[derive(Default, Serialize)]
@@ -225,6 +254,11 @@ struct Line<'a> {
     times_gained: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     times_lost: Option<u32>,
+    /// How many lines this one stands for, from `time_ms` to `until_ms`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    not_written: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    until_ms: Option<u64>,
 }
 
 impl Default for Chain {
@@ -278,7 +312,7 @@ impl Chain {
         let id = key.map(AuditKey::id);
         let mut line = Line {
             line: self.lines + 1,
-            time_ms: u64::try_from(wall.as_millis()).unwrap_or(u64::MAX),
+            time_ms: milliseconds(wall),
             vehicle: vehicle.to_string(),
             ..Line::default()
         };
@@ -326,6 +360,11 @@ impl Chain {
                 line.times_gained = Some(*gained);
                 line.times_lost = Some(*lost);
             }
+            Entry::NotWritten { lines, until } => {
+                line.what = NOT_WRITTEN;
+                line.not_written = Some(*lines);
+                line.until_ms = Some(milliseconds(*until));
+            }
         }
         // Only text and numbers: this cannot fail.
         let object = serde_json::to_string(&line).unwrap_or_default();
@@ -346,7 +385,7 @@ impl Chain {
         let follows = Chain::before(bytes);
         let mut chain = follows.clone();
         let (mut broken, mut other_key, mut wanted_digits) = (None, None, None);
-        let mut faults = Vec::new();
+        let mut reported = Vec::new();
         let torn = bytes.last().is_some_and(|byte| *byte != b'\n');
         let mut lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').collect();
         // After the last line feed there is nothing, or an incomplete line that a crash left.
@@ -373,11 +412,7 @@ impl Chain {
             match fits {
                 Some((digits, object)) => {
                     digits.clone_into(&mut chain.last);
-                    if object.contains(FAULT_LINE)
-                        && let Ok(First { why: Some(why), .. }) = serde_json::from_str(object)
-                    {
-                        faults.push((chain.lines + 1, why));
-                    }
+                    reported.extend(report_of(object).map(|text| (chain.lines + 1, text)));
                 }
                 // A line that a crash cut off was closed by the next start; it is not part of the chain.
                 None if is_torn(bytes) => continue,
@@ -404,7 +439,7 @@ impl Chain {
             broken,
             torn,
             other_key,
-            faults,
+            reported,
             digits: wanted_digits,
         }
     }
@@ -434,6 +469,24 @@ impl Chain {
     }
 }
 
+/// What a line reports that is wrong with the log or missing from it.
+fn report_of(object: &str) -> Option<String> {
+    // No other line can contain these bytes: quotes within texts are escaped.
+    if object.contains(FAULT_LINE) {
+        let First { why, .. } = serde_json::from_str(object).ok()?;
+        return Some(format!("a start of the VSM found: {}", why?));
+    }
+    if object.contains(NOT_WRITTEN_LINE) {
+        let counted: Counted = serde_json::from_str(object).ok()?;
+        return Some(counted.to_string());
+    }
+    None
+}
+
+fn milliseconds(since_1970: Duration) -> u64 {
+    u64::try_from(since_1970.as_millis()).unwrap_or(u64::MAX)
+}
+
 /// The beginning of a line, without a closing brace.
 fn is_torn(bytes: &[u8]) -> bool {
     bytes.last() != Some(&b'}')
@@ -452,6 +505,8 @@ fn hash(key: Option<&AuditKey>, before: &str, object: &str) -> String {
 
 const FAULT: &str = "fault";
 const FAULT_LINE: &str = "\"what\":\"fault\"";
+const NOT_WRITTEN: &str = "not written";
+const NOT_WRITTEN_LINE: &str = "\"what\":\"not written\"";
 const KEYED: &str = "keyed";
 const KEYED_LINE: &str = "\"what\":\"keyed\"";
 pub(crate) const AUDIT_KEY: &str = "audit.key";

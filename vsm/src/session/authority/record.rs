@@ -12,7 +12,9 @@ use stanag_msgs::ed25::Version;
 
 use super::audit::{AuditKey, Entry};
 use super::rules::{Authority, Change, Decision, Handover, Record, Rights};
-use super::trail::{self, Examined, Fault, Finding, Head, Kind, Place, Repetitions, Trail};
+use super::trail::{
+    self, Examined, Fault, Finding, Head, Kind, MAX_OWED, Place, Repetitions, Trail,
+};
 use crate::session::alerts::Cause;
 use crate::session::context::{Context, Origin};
 use crate::session::effects::Effects;
@@ -180,7 +182,7 @@ impl AuthorityRecord {
                 match self.write_audit(kind, &entry, durability, context, effects) {
                     Ok(()) => logged.push(kind),
                     Err(fault) if stands => {
-                        self.owe(kind, entry, context);
+                        self.owe(kind, entry, context, effects);
                         lacking = Some(fault);
                     }
                     Err(fault) => return Err(fault),
@@ -201,8 +203,19 @@ impl AuthorityRecord {
     }
 
     /// The log lacks the line of what holds all the same.
-    fn owe(&mut self, kind: Kind, entry: Entry, context: &Context<'_>) {
-        self.trail(kind, context).0.owe(context.now.wall, entry);
+    fn owe(&mut self, kind: Kind, entry: Entry, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let counted = self.trail(kind, context).0.owe(context.now.wall, entry);
+        if counted > 0 {
+            effects.dli.counters.count("no room in the audit log");
+        }
+        if counted == 1 {
+            let file = kind.file(context.id());
+            let text = format!(
+                "{file}: {MAX_OWED} lines wait for the disk; more are only counted, and their number is written to the log once \
+                 the disk takes it"
+            );
+            effects.note(LogLevel::Warning, text);
+        }
         self.owed_at = Some(context.mono() + TRY_AGAIN);
     }
 
@@ -388,7 +401,7 @@ impl AuthorityRecord {
         let entry = Entry::Termination { what, by, why };
         let written = self.write_audit(Kind::Control, &entry, Durability::Power, context, effects);
         if let Err(fault) = written {
-            self.owe(Kind::Control, entry, context);
+            self.owe(Kind::Control, entry, context, effects);
             return Err(fault);
         }
         let until = effects.disk().queued();
@@ -537,8 +550,10 @@ mod tests {
     use mavlink_link::store::MemoryDisk;
     use stanag_msgs::enums::LoiBitmap;
 
+    use super::super::audit::Chain;
     use super::super::rules::Reason;
     use super::*;
+    use crate::session::log::LogEntry;
     use crate::session::testing::{CUCS, VEHICLE, World};
 
     fn gains(gained: Rights) -> Change {
@@ -627,5 +642,70 @@ mod tests {
             .write(&change, power, &at, &mut *world.disk)
             .expect("written");
         assert_eq!(lines(&mut world, Kind::Control), [false, true, false]);
+    }
+
+    #[test]
+    fn lines_that_found_no_room_are_counted_by_one_line_and_the_chain_stays_whole() {
+        let (mut world, mut record) = (World::new(), AuthorityRecord::default());
+        world.disk = Box::new(disk(Some("audit")));
+        record.key = Some(AuditKey::new([7; 32]));
+        let order = |world: &mut World, record: &mut AuthorityRecord| {
+            world.now.mono += Duration::from_secs(2);
+            world.now.wall += Duration::from_secs(2);
+            world.act(|context, _, effects| {
+                record
+                    .write_termination("termination ordered", Some(CUCS), "", &context, effects)
+                    .is_ok()
+            })
+        };
+        for _ in 0..MAX_OWED + 100 {
+            assert!(!order(&mut world, &mut record), "the disk is full");
+        }
+        assert_eq!(world.counters.get("no room in the audit log"), 100);
+        let said = |entry: &&LogEntry| entry.text.contains("wait for the disk");
+        assert_eq!(world.log.iter().filter(said).count(), 1);
+
+        // There is room again.
+        let last = world.now.wall;
+        world.disk = Box::new(disk(None));
+        let at = Place {
+            vehicle: VEHICLE,
+            wall: last,
+            key: record.key.as_ref(),
+        };
+        record
+            .control
+            .write_owed(&at, &mut *world.disk)
+            .expect("written");
+        assert!(order(&mut world, &mut record));
+        let log = world.act(|context, _, effects| {
+            let bytes = effects
+                .disk()
+                .read(&Kind::Control.file(context.id()), 1 << 20);
+            bytes.expect("it is read").expect("it is there").to_vec()
+        });
+        let text = String::from_utf8_lossy(&log);
+        // The first line names the key, the last one is of an order that found room.
+        assert_eq!(text.lines().count(), 1 + MAX_OWED + 2, "{text}");
+        let counting = text.lines().nth(1 + MAX_OWED).expect("a line");
+        let first = last - Duration::from_secs(99 * 2);
+        for expected in [
+            "\"what\":\"not written\"".to_owned(),
+            "\"not_written\":100".to_owned(),
+            format!("\"time_ms\":{}", first.as_millis()),
+            format!("\"until_ms\":{}", last.as_millis()),
+        ] {
+            assert!(counting.contains(&expected), "{expected}: {counting}");
+        }
+        let verified = Chain::verify(&log, record.key.as_ref(), 0);
+        assert_eq!((verified.broken, verified.other_key), (None, None));
+        let [(line, report)] = &verified.reported[..] else {
+            panic!("{:?}", verified.reported);
+        };
+        assert_eq!(*line, 2 + MAX_OWED as u64);
+        assert!(
+            report.starts_with("not written: 100 lines, from "),
+            "{report}"
+        );
     }
 }

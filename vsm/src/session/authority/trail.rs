@@ -185,8 +185,8 @@ pub(crate) struct Examined {
     pub(crate) findings: Vec<Finding>,
     /// The requested lines (by their digits) that were found, with their numbers.
     pub(crate) present: Vec<(String, u64)>,
-    /// Faults recorded by earlier starts: line number and fault.
-    pub(crate) faults: Vec<(u64, String)>,
+    /// What its own lines report ([`Verified::reported`](super::audit::Verified)): line number and text.
+    pub(crate) reported: Vec<(u64, String)>,
     /// Length of the current file.
     pub(super) bytes: usize,
     /// Files whose last line is incomplete.
@@ -212,7 +212,7 @@ pub(crate) fn examine(
         chain: Chain::default(),
         findings: Vec::new(),
         present: Vec::new(),
-        faults: Vec::new(),
+        reported: Vec::new(),
         bytes: 0,
         torn: Vec::new(),
     };
@@ -265,7 +265,7 @@ pub(crate) fn examine(
                 .present
                 .extend(looked_for.map(|digits| (digits.clone(), number)));
         }
-        found.faults.extend(verified.faults);
+        found.reported.extend(verified.reported);
         recorded = recorded.or(verified.digits);
         found.chain = verified.chain.clone();
         before = Some(verified.chain);
@@ -391,11 +391,23 @@ impl Trail {
         self.owed.len() < MAX_OWED / 2
     }
 
-    /// This holds since then, and its line could not be written: it comes before the next one.
-    pub(super) fn owe(&mut self, wall: Duration, entry: Entry) {
+    /// This holds since then, and its line could not be written: it comes before the next one. Beyond [`MAX_OWED`] lines are only
+    /// counted, by a last one that stands for them in the log. Returns how many are since the last that has room; 0 where this one
+    /// has.
+    pub(super) fn owe(&mut self, wall: Duration, entry: Entry) -> u64 {
         if self.owed.len() < MAX_OWED {
             self.owed.push_back((wall, entry));
+            return 0;
         }
+        if let Some((_, Entry::NotWritten { lines, until })) = self.owed.back_mut() {
+            *lines = lines.saturating_add(1);
+            *until = wall;
+            return *lines;
+        }
+        let (lines, until) = (1, wall);
+        self.owed
+            .push_back((wall, Entry::NotWritten { lines, until }));
+        lines
     }
 
     /// Writes the lines that are owed.
@@ -580,5 +592,54 @@ const MAX_BYTES: usize = 1 << 20;
 pub(crate) const MAX_LOG_BYTES: u64 = 2 << 20;
 /// Number of rotated files that are kept, with some four thousand lines each.
 const MAX_FILES: u32 = 8;
-/// Lines of what holds that wait for a disk: rights that end, or that the record still has, and terminations.
-const MAX_OWED: usize = 256;
+/// Lines of what holds that wait for a disk: rights that end, or that the record still has, and terminations. One more counts
+/// those beyond.
+pub(super) const MAX_OWED: usize = 256;
+
+#[cfg(test)]
+mod tests {
+    use mavlink_link::store::MemoryDisk;
+
+    use super::*;
+
+    #[test]
+    fn lines_that_are_only_counted_are_named_at_their_place_whenever_there_is_room_again() {
+        let (mut trail, vehicle) = (Trail::new(Kind::Control), Id(0x1b00_0101));
+        let wall = |s: u64| Duration::from_secs(1_795_219_200 + s);
+        let owe = |trail: &mut Trail, seconds: std::ops::Range<u64>| {
+            seconds.fold(0, |_, s| trail.owe(wall(s), Entry::NotKept))
+        };
+        let room = MAX_OWED as u64;
+        assert_eq!(owe(&mut trail, 0..room), 0);
+        assert_eq!(owe(&mut trail, room..room + 3), 3);
+        // The disk takes ten lines, and then none again: what has room comes behind what was counted.
+        trail.owed.drain(..10);
+        assert_eq!(owe(&mut trail, 1_000..1_009), 0);
+        assert_eq!(owe(&mut trail, 1_009..1_011), 2);
+        let at = Place {
+            vehicle,
+            wall: wall(2_000),
+            key: None,
+        };
+        let mut disk = MemoryDisk::default();
+        trail.write_owed(&at, &mut disk).expect("written");
+        assert!(trail.owed.is_empty());
+        let log = &disk.records[&Kind::Control.file(vehicle)];
+        let verified = Chain::verify(log, None, 0);
+        assert_eq!(verified.broken, None);
+        let reported = |line: u64, text: &str| (line, text.to_owned());
+        assert_eq!(
+            verified.reported,
+            [
+                reported(
+                    room - 9,
+                    "not written: 3 lines, from 2026-11-21T00:04:16Z to 2026-11-21T00:04:18Z: the disk took none"
+                ),
+                reported(
+                    room + 1,
+                    "not written: 2 lines, from 2026-11-21T00:16:49Z to 2026-11-21T00:16:50Z: the disk took none"
+                ),
+            ]
+        );
+    }
+}
