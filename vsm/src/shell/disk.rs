@@ -649,7 +649,7 @@ pub fn check_names(store: &Path) -> Result<(), InTheWay> {
     // That the store cannot be read has an error of its own.
     let entries = fs::read_dir(store).into_iter().flatten().flatten();
     for entry in entries {
-        if entry.file_name().to_string_lossy().contains(NEW) {
+        if is_being_written(&entry.file_name().to_string_lossy()) {
             not_a_folder(&entry.path())?;
         }
     }
@@ -759,8 +759,22 @@ pub(super) fn beside(path: &Path) -> PathBuf {
     PathBuf::from(beside)
 }
 
-/// In the name of every file that is being written; `queued_disk` adds a number.
+/// At the end of the name of every file that is being written; `queued_disk` adds a number.
 const NEW: &str = ".new";
+
+/// Whether a name is of a file that is being written.
+pub(super) fn is_being_written(name: &str) -> bool {
+    name.ends_with(NEW) || is_numbered(name)
+}
+
+/// Whether a name is of a file that `queued_disk` is writing: `plan-1.json.new-7`. Not one that a person has made, such as
+/// `notes.new-year.txt`.
+pub(super) fn is_numbered(name: &str) -> bool {
+    let number = name.rsplit_once(NEW);
+    let number = number.and_then(|(_, end)| end.strip_prefix('-'));
+    number
+        .is_some_and(|number| !number.is_empty() && number.bytes().all(|one| one.is_ascii_digit()))
+}
 
 /// Where a file is put once it is written: `uav1.key` for `uav1.key.new`.
 fn place_of(written: &Path) -> PathBuf {

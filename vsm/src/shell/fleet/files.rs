@@ -14,7 +14,9 @@ use sha2::{Digest as _, Sha256};
 use zeroize::Zeroizing;
 
 use super::remote::{Head, Last, Remote};
-use crate::shell::disk::{ERASE_ORDER, FLEET_EPOCH, FileSystem, NativeFileSystem, keeps_its_room};
+use crate::shell::disk::{
+    ERASE_ORDER, FLEET_EPOCH, FileSystem, NativeFileSystem, is_being_written, keeps_its_room,
+};
 
 /// The file system of a node that owns its VSM.
 ///
@@ -307,7 +309,7 @@ pub(super) fn is_stored(name: &str) -> bool {
         // The keys of guards paired here are written by the pairing process, not through this file system.
         || (name.starts_with("guard-") && name.contains(".key"))
         || [".sock", ".lock"].iter().any(|end| name.ends_with(end));
-    !of_this_node && !name.contains(".new") && !name.contains('/')
+    !of_this_node && !is_being_written(name) && !name.contains('/')
 }
 
 fn lane_of(name: &str) -> usize {

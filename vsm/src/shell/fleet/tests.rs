@@ -273,10 +273,17 @@ fn what_is_of_one_computer_alone_stays_there_and_an_order_to_erase_does_not_wait
         "status.sock",
         "zeroize.order",
         "a.json.new-3",
+        "uav1.key.new",
     ] {
         assert!(!is_stored(name), "{name}");
     }
-    assert!(is_stored("authority-1b000101.json") && is_stored("audit-1b000101.log.1"));
+    for name in [
+        "authority-1b000101.json",
+        "audit-1b000101.log.1",
+        "a.newer.json",
+    ] {
+        assert!(is_stored(name), "{name}");
+    }
     if !kit::tools::is_installed("etcd") {
         return;
     }

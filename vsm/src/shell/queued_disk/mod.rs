@@ -43,7 +43,7 @@ use zeroize::Zeroizing;
 
 pub(super) use self::writer::dirty_names;
 use self::writer::{BESIDE, Batch, Done, Grown, Waiting, write};
-use super::disk::{Added, FileDisk, is_no_room, keeps_its_room, replace};
+use super::disk::{Added, FileDisk, is_no_room, is_numbered, keeps_its_room, replace};
 use crate::session::MAX_LOG_BYTES;
 
 mod writer;
@@ -557,7 +557,7 @@ impl Tail {
 fn sweep(disk: &FileDisk) -> io::Result<()> {
     for entry in std::fs::read_dir(disk.folder())? {
         let entry = entry?;
-        if entry.file_name().to_string_lossy().contains(BESIDE) {
+        if is_numbered(&entry.file_name().to_string_lossy()) {
             let path = entry.path();
             disk.system().remove(&path).map_err(|cause| {
                 io::Error::new(cause.kind(), format!("{}: {cause}", path.display()))

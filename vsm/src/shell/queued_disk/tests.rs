@@ -508,3 +508,19 @@ fn a_start_leaves_a_log_that_something_else_has_made_longer_as_it_is() {
     assert_eq!(inode(long), before[0]);
     assert_ne!(inode(short), before[1]);
 }
+
+#[test]
+fn a_start_removes_what_was_being_written_and_no_file_of_a_like_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = folder.path().join("state");
+    drop(disk(&store));
+    let of_a_person = ["notes.new-year.txt", "plan-1.json.new-7b", "x.new-"];
+    for name in of_a_person.iter().chain(&["plan-1.json.new-7"]) {
+        std::fs::write(store.join(name), name).unwrap();
+    }
+    drop(disk(&store));
+    for name in of_a_person {
+        assert_eq!(std::fs::read_to_string(store.join(name)).unwrap(), name);
+    }
+    assert!(!store.join("plan-1.json.new-7").exists());
+}
