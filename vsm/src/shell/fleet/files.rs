@@ -1,4 +1,8 @@
 //! A store's folder whose changes are all in etcd before they count as durable.
+//!
+//! What etcd gets of a file is bounded, whatever something else has written to it ([`max_bytes`]): a log of gigabytes would
+//! fill etcd's quota, and delay every other file for minutes. Of one that is longer the beginning and the end are stored, so
+//! that a line behind what does not belong there is stored before it counts.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,13 +14,16 @@ use std::os::unix::ffi::OsStringExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use mavlink_link::store::MAX_RECORD_BYTES;
 use sha2::{Digest as _, Sha256};
 use zeroize::Zeroizing;
 
 use super::remote::{Head, Last, Remote};
+use crate::session::MAX_LOG_BYTES;
 use crate::shell::disk::{
     ERASE_ORDER, FLEET_EPOCH, FileSystem, NativeFileSystem, is_being_written, keeps_its_room,
 };
+use crate::shell::queued_disk::LOGS;
 
 /// The file system of a node that owns its VSM.
 ///
@@ -55,6 +62,14 @@ struct Stored {
     head: Head,
     /// The digest of the content if it was stored whole: a start rewrites files that have not changed.
     digest: Option<[u8; 32]>,
+    /// How many bytes of a file that is too long are not stored; its last [`max_bytes`] / 2 at least are.
+    left_out: u64,
+}
+
+/// What is stored of a file.
+struct Part {
+    bytes: Zeroizing<Vec<u8>>,
+    left_out: u64,
 }
 
 thread_local! {
@@ -81,11 +96,15 @@ impl SharedFiles {
     ) -> io::Result<SharedFiles> {
         let lanes: [Lane; 2] = Default::default();
         for (name, head) in heads {
-            let digest = fs::read(folder.join(&name))
-                .ok()
-                .map(|bytes| digest(&bytes));
+            let part = part_of(&name, &folder.join(&name)).ok().flatten();
+            let digest = part.map(|part| digest(&part.bytes));
+            let known = Stored {
+                head,
+                digest,
+                left_out: 0,
+            };
             let mut stored = locked(&lanes[lane_of(&name)].stored);
-            stored.files.insert(name, Stored { head, digest });
+            stored.files.insert(name, known);
         }
         Ok(SharedFiles {
             folder: folder.to_owned(),
@@ -160,8 +179,7 @@ impl SharedFiles {
     /// Stores the present content of a file.
     fn store_file(&self, lane: usize, name: &str, stored: &mut StoredLane) -> io::Result<()> {
         let before = stored.files.get(name).copied();
-        let bytes = NativeFileSystem.read(&self.folder.join(name), u64::MAX)?;
-        let Some(bytes) = bytes else {
+        let Some(part) = part_of(name, &self.folder.join(name))? else {
             if before.is_some() {
                 stored.doubt(name);
                 self.remote.remove((lane, &mut stored.last), name)?;
@@ -169,17 +187,26 @@ impl SharedFiles {
             }
             return Ok(());
         };
+        let Part { bytes, left_out } = part;
         let digest = Some(digest(&bytes));
-        if before.is_some_and(|it| it.digest == digest && it.head.length == bytes.len() as u64) {
+        if before.is_some_and(|it| {
+            (it.digest, it.head.length, it.left_out) == (digest, bytes.len() as u64, left_out)
+        }) {
             return Ok(());
+        }
+        if left_out > 0 {
+            warn_of_part(name, left_out);
         }
         stored.doubt(name);
         let head = self
             .remote
             .replace((lane, &mut stored.last), name, &bytes)?;
-        stored
-            .files
-            .insert(name.to_owned(), Stored { head, digest });
+        let now = Stored {
+            head,
+            digest,
+            left_out,
+        };
+        stored.files.insert(name.to_owned(), now);
         Ok(())
     }
 
@@ -192,7 +219,8 @@ impl SharedFiles {
         let known = stored.files.get(name).copied();
         // Renamed, deleted or replaced meanwhile: the file now under this name is not the one that etcd has. It is stored
         // with the other changed files, in their order.
-        if locked(changed).contains(name) || known.is_none_or(|it| it.head.length > length) {
+        let is_shorter = |it: Stored| it.head.length + it.left_out > length;
+        if locked(changed).contains(name) || known.is_none_or(is_shorter) {
             locked(changed).insert(name.to_owned());
             drop(stored);
             return self.store_lane(lane);
@@ -201,20 +229,35 @@ impl SharedFiles {
         stored.doubt(name);
         // This open file, whatever its name is now.
         let path = format!("/proc/self/fd/{}", file.as_raw_fd());
-        let read = |from| {
+        let before = known.head.length;
+        let (lacking, most) = (length - known.left_out - before, max_bytes(name));
+        let sent = if lacking > most { most / 2 } else { lacking };
+        let left_out = known.left_out + (lacking - sent);
+        if sent < lacking {
+            warn_of_part(name, left_out);
+        }
+        let read = |from: u64| {
             let mut file = File::open(&path)?;
-            file.seek(SeekFrom::Start(from))?;
             let mut bytes = Zeroizing::new(Vec::new());
-            file.take(length - from).read_to_end(&mut bytes)?;
+            // What etcd has of the last piece, and what it lacks.
+            let has = (from + known.left_out, before - from);
+            for (start, count) in [has, (length - sent, sent)] {
+                file.seek(SeekFrom::Start(start))?;
+                file.by_ref().take(count).read_to_end(&mut bytes)?;
+            }
             Ok(bytes)
         };
-        let grown = (known.head, length);
+        let grown = (known.head, before + sent);
         match self
             .remote
             .append((lane, &mut stored.last), name, grown, read)
         {
             Ok(head) => {
-                let now = Stored { head, digest: None };
+                let now = Stored {
+                    head,
+                    digest: None,
+                    left_out,
+                };
                 stored.files.insert(name.to_owned(), now);
                 Ok(())
             }
@@ -228,6 +271,9 @@ impl SharedFiles {
 
     /// Stores the whole folder, as the first owner.
     pub(super) fn store_all(&self, names: &[String]) -> io::Result<()> {
+        for name in names.iter().filter(|name| is_stored(name)) {
+            self.check_length(name)?;
+        }
         {
             let mut stored = locked(&self.lanes[1].stored);
             self.remote.remove_all(1, &mut stored.last)?;
@@ -239,6 +285,59 @@ impl SharedFiles {
         let mut stored = locked(&self.lanes[1].stored);
         // Only now do other nodes take this state for whole.
         self.remote.complete(1, &mut stored.last)
+    }
+}
+
+impl SharedFiles {
+    /// Refuses a file that no start would read: a part of it would be a record that is damaged. Of an audit log the beginning is
+    /// read, whatever follows.
+    fn check_length(&self, name: &str) -> io::Result<()> {
+        let (length, most) = (
+            fs::symlink_metadata(self.folder.join(name))?.len(),
+            max_bytes(name),
+        );
+        if length <= most || name.starts_with(LOGS) {
+            return Ok(());
+        }
+        let fault = format!(
+            "{name} in [store] dir has {length} bytes, more than the {most} that a file of a store has: it is of something else, or was written to by something else. Move it away, or put back a copy of it, and start this node again"
+        );
+        Err(io::Error::new(io::ErrorKind::InvalidData, fault))
+    }
+}
+
+/// Reads what is stored of a file.
+fn part_of(name: &str, path: &Path) -> io::Result<Option<Part>> {
+    let most = max_bytes(name);
+    let Some(mut bytes) = NativeFileSystem.read(path, most + 1)? else {
+        return Ok(None);
+    };
+    if bytes.len() as u64 <= most {
+        return Ok(Some(Part { bytes, left_out: 0 }));
+    }
+    // In all one byte more than anybody reads: that shows the next node, too, that it is too long.
+    let end = most / 2;
+    bytes.truncate(usize::try_from(most + 1 - end).unwrap_or(usize::MAX));
+    let mut file = File::open(path)?;
+    let length = file.metadata()?.len();
+    file.seek(SeekFrom::Start(length.saturating_sub(end)))?;
+    file.take(end).read_to_end(&mut bytes)?;
+    let left_out = length.saturating_sub(bytes.len() as u64);
+    Ok(Some(Part { bytes, left_out }))
+}
+
+fn warn_of_part(name: &str, left_out: u64) {
+    tracing::warn!(
+        "{name} is longer than it becomes: something else has written to it. etcd gets its beginning and its end, without {left_out} bytes between; keep a copy of it, since the next node, and the next start of this one, have only these"
+    );
+}
+
+/// How many bytes of a file anybody reads at most.
+pub(super) fn max_bytes(name: &str) -> u64 {
+    if name.starts_with(LOGS) {
+        MAX_LOG_BYTES
+    } else {
+        MAX_RECORD_BYTES
     }
 }
 

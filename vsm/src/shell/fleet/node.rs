@@ -13,7 +13,7 @@ use stanag_msgs::Id;
 use tokio::sync::{mpsc, watch};
 
 use super::etcd::{Change, Condition, Entry, Etcd};
-use super::files::{SharedFiles, is_stored};
+use super::files::{SharedFiles, is_stored, max_bytes};
 use super::remote::{Names, Remote, Right};
 use super::seal::Seal;
 use crate::config::SharedStore;
@@ -294,7 +294,14 @@ fn restore(
                 return Ok(None);
             }
             let path = folder.join(name);
-            let bytes = remote.read(name, *head)?;
+            let most = MAX_TAKEN_OVER * max_bytes(name);
+            if head.length > most {
+                tracing::warn!(
+                    "{name} in etcd has {} bytes, longer than it becomes: something else has written to it, before versions that bound what is stored. Its first {most} bytes are taken over",
+                    head.length
+                );
+            }
+            let bytes = remote.read(name, *head, most)?;
             // By one byte more, which shows a file that is longer.
             let there = NativeFileSystem.read(&path, bytes.len() as u64 + 1)?;
             if there.as_ref() != Some(&bytes) {
@@ -310,6 +317,9 @@ fn restore(
     };
     Ok(Some(disk.through(Arc::new(files))))
 }
+
+/// How many times [`max_bytes`] a copy in etcd may have at most: a part of a log that is too long, and lines since.
+const MAX_TAKEN_OVER: u64 = 2;
 
 /// What a node has seen of etcd, in a file beside the store's: with it the node refuses an earlier state.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]

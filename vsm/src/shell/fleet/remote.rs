@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 use std::io;
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -302,27 +303,29 @@ impl Remote {
             self.generation
                 .fetch_max(head.generation + 1, Ordering::Relaxed);
             heads.insert(file, head);
-            Ok(())
+            Ok(ControlFlow::Continue(()))
         })?;
         Ok(heads)
     }
 
-    /// A whole file.
-    pub(super) fn read(&self, file: &str, head: Head) -> io::Result<Zeroizing<Vec<u8>>> {
-        let mut bytes = Zeroizing::new(Vec::with_capacity(
-            usize::try_from(head.length).unwrap_or(0),
-        ));
+    /// A file, or its first `most` bytes.
+    pub(super) fn read(&self, file: &str, head: Head, most: u64) -> io::Result<Zeroizing<Vec<u8>>> {
+        let length = usize::try_from(head.length.min(most)).unwrap_or(usize::MAX);
+        let mut bytes = Zeroizing::new(Vec::with_capacity(length.saturating_add(PIECE)));
         self.each(&self.names.pieces(file, head.generation), |key, sealed| {
             // Surplus pieces come from an attempt that ended before its head was stored.
             let due = self
                 .names
                 .piece(file, head.generation, bytes.len() as u64 / PIECE as u64);
-            if (bytes.len() as u64) < head.length && key == due {
+            if bytes.len() < length && key == due {
                 bytes.extend_from_slice(&self.seal.open(key, &sealed)?);
             }
-            Ok(())
+            Ok(if bytes.len() < length {
+                ControlFlow::Continue(())
+            } else {
+                ControlFlow::Break(())
+            })
         })?;
-        let length = usize::try_from(head.length).unwrap_or(usize::MAX);
         if bytes.len() < length {
             let fault = format!("{file} in etcd has {} of {length} bytes", bytes.len());
             return Err(io::Error::new(io::ErrorKind::InvalidData, fault));
@@ -331,11 +334,11 @@ impl Remote {
         Ok(bytes)
     }
 
-    /// Calls `then` for each key that begins with `prefix`, in pages of one state.
+    /// Calls `then` for each key that begins with `prefix`, in pages of one state, until it has enough.
     fn each(
         &self,
         prefix: &str,
-        mut then: impl FnMut(&str, Vec<u8>) -> io::Result<()>,
+        mut then: impl FnMut(&str, Vec<u8>) -> io::Result<ControlFlow<()>>,
     ) -> io::Result<()> {
         let (mut from, mut revision) = (prefix.to_owned(), 0);
         loop {
@@ -344,7 +347,9 @@ impl Remote {
             for entry in page.entries {
                 // The smallest key after this one.
                 from = format!("{}\0", entry.key);
-                then(&entry.key, entry.value)?;
+                if then(&entry.key, entry.value)?.is_break() {
+                    return Ok(());
+                }
             }
             if !page.more {
                 return Ok(());

@@ -264,6 +264,73 @@ fn a_drain_of_a_move_ends_without_the_one_who_ordered_it_and_not_in_place_of_a_l
     assert!(is_drained());
 }
 
+/// What nothing bounds is uploaded for minutes, fills etcd's quota, and holds up every other file of the node.
+#[test]
+fn a_log_of_gigabytes_costs_etcd_and_the_other_files_nothing_and_its_next_line_is_stored() {
+    if !kit::tools::is_installed("etcd") {
+        return;
+    }
+    let (etcd, folder) = (Etcd::start(1), tempfile::tempdir().unwrap());
+    let alpha = folder.path().join("alpha");
+    let grow = |name: &str| {
+        let file = fs::File::options().write(true).open(alpha.join(name));
+        let file = file.unwrap();
+        // A hole, which takes no room on the disk.
+        let length = file.metadata().unwrap().len();
+        file.set_len(length + (3 << 30)).unwrap();
+    };
+    // Put aside by a version before, and taken over by the first owner.
+    let mut before = FileDisk::open(&alpha).unwrap();
+    for name in ["audit-1b000101.log.1", "plan"] {
+        before
+            .append(name, b"first line\n", Durability::Power)
+            .unwrap();
+    }
+    drop(before);
+    grow("audit-1b000101.log.1");
+    let began = std::time::Instant::now();
+    let (store, held) = own(&etcd, "alpha", folder.path(), 7).unwrap();
+    let mut disk = QueuedDisk::new(store, Arc::new(Notify::new())).unwrap();
+    let log = "audit-1b000102.log";
+    for line in ["one\n", "two\n"] {
+        disk.append(log, line.as_bytes(), Durability::Power)
+            .unwrap();
+        durable(&mut disk);
+        // Something writes to the log while it is used.
+        grow(log);
+    }
+    disk.append(log, b"three\n", Durability::Power).unwrap();
+    disk.replace("plan", b"of alpha", Durability::Power)
+        .unwrap();
+    durable(&mut disk);
+    drop((disk, held));
+    let (store, _held) = own(&etcd, "beta", folder.path(), 7).unwrap();
+    assert!(began.elapsed() < Duration::from_secs(60));
+    assert_eq!(&**store.read("plan", 100).unwrap().unwrap(), b"of alpha");
+    let files = files(&folder.path().join("beta"));
+    let aside = &files["audit-1b000101.log.1"];
+    assert!(aside.starts_with(b"first line\n") && aside.len() == (2 << 20) + 1);
+    let log = &files[log];
+    assert!(log.starts_with(b"one\n") && log.ends_with(b"\0three\n"));
+    assert!(log.len() <= 4 << 20, "{}", log.len());
+    drop(store);
+
+    // A file that no start could read is not made a damaged record: the first owner names it.
+    let (etcd, other) = (Etcd::start(1), tempfile::tempdir().unwrap());
+    let dir = other.path().join("alpha");
+    drop(FileDisk::open(&dir).unwrap());
+    let core = fs::File::create(dir.join("core")).unwrap();
+    core.set_len(3 << 30).unwrap();
+    let fault = own(&etcd, "alpha", other.path(), 7)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        fault.contains("core in [store] dir has 3221225472 bytes")
+            && fault.contains("Move it away"),
+        "{fault}"
+    );
+}
+
 #[test]
 fn what_is_of_one_computer_alone_stays_there_and_an_order_to_erase_does_not_wait_for_etcd() {
     for name in [

@@ -246,11 +246,18 @@ impl QueuedDisk {
             self.share_again(&now);
             return;
         };
-        let mut bytes = match self.disk.read(&now, tail.start) {
+        // One that something else has made longer than any log becomes would fill the memory, and is not read.
+        let mut bytes = match self.disk.read(&now, tail.start.min(MAX_RECORD_BYTES)) {
             Ok(Some(bytes)) if bytes.len() as u64 == tail.start => bytes,
             read => {
                 // It cannot be repaired: it stays as it is, and is refused until a restart checks it.
-                let cause = read.map_or_else(|fault| fault.cause, |_| "it is cut off".to_owned());
+                let cause = match read {
+                    Err(fault) => fault.cause,
+                    Ok(_) if tail.start > MAX_RECORD_BYTES => format!(
+                        "it has more than {MAX_RECORD_BYTES} bytes: something else has written to it; keep a copy and restart"
+                    ),
+                    Ok(_) => "it is cut off".to_owned(),
+                };
                 failed.insert(now.clone(), cause);
                 self.share_again(&now);
                 return;
@@ -589,7 +596,7 @@ fn renew(disk: &FileDisk) -> io::Result<BTreeSet<String>> {
 }
 
 /// Prefix of the names of audit logs.
-const LOGS: &str = "audit-";
+pub(super) const LOGS: &str = "audit-";
 /// How often the end of the program checks whether all is written.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 
