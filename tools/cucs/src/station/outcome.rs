@@ -225,7 +225,7 @@ pub(crate) fn loi_numbers(bits: LoiBitmap) -> Vec<u8> {
 /// How long a station waits for each kind of answer.
 #[derive(Clone, Copy, Debug)]
 pub struct Timeouts {
-    /// For the first answer to a discovery, and for message 2.
+    /// For the first answer to a discovery or to a request for rights.
     pub answer: Duration,
     /// After the last discovered vehicle: another may answer this much later.
     pub quiet: Duration,
@@ -233,7 +233,7 @@ pub struct Timeouts {
     pub store: Duration,
     /// For the 14000 that ends a transfer.
     pub transfer: Duration,
-    /// For the 17000 that reports a mode command as carried out or refused.
+    /// For the 17000 that reports a command, or a request for rights that was received, as carried out or refused.
     pub command: Duration,
     /// For the end of a handover: the VSM gives holder and successor 20 s.
     pub consent: Duration,

@@ -171,7 +171,9 @@ impl Station {
         })
     }
 
-    /// Sends message 1 to a vehicle until it has answered with message 2.
+    /// Sends message 1 to a vehicle until it has answered with message 2. Once it is acknowledged as received (17000 type 1) the
+    /// outcome follows: the decision waits for the VSM's disk, or for the load of another CUCS. It is waited for as that of a
+    /// command, and no second request is sent.
     async fn authorise(
         &mut self,
         vehicle: Id,
@@ -179,15 +181,32 @@ impl Station {
         stations: StationBitmap1To16,
         access: RequestedAccess,
     ) -> Result<(), StationError> {
-        let within = self.timeouts.answer;
-        let deadline = Instant::now() + within;
-        self.awaits(format!("answer of vehicle {vehicle} (message 2)"), within);
+        let (mut within, began) = (self.timeouts.answer, Instant::now());
+        let mut expected = format!("answer of vehicle {vehicle} (message 2)");
+        self.awaits(&*expected, within);
         let count = |session: &Session| {
             session
                 .vehicle(vehicle)
                 .map_or(0, |vehicle| vehicle.authorisations)
         };
-        while Instant::now() < deadline {
+        // What the message requests is granted already, whatever its 17000 says.
+        let granted = |session: &Session| {
+            let Some(response) = session
+                .vehicle(vehicle)
+                .and_then(|state| state.authorisation.as_ref())
+            else {
+                return false;
+            };
+            let held = response.loi_granted.unwrap_or(LoiBitmap::NONE);
+            let of = response.controlled_station_1_16;
+            match access {
+                RequestedAccess::Relinquish => held == LoiBitmap::NONE,
+                _ => {
+                    held.contains(loi) && of.unwrap_or(StationBitmap1To16::NONE).contains(stations)
+                }
+            }
+        };
+        while Instant::now() < began + within {
             let before = count(&self.session);
             let request = CucsAuthorisationRequest {
                 vsm_id: Some(self.vsm_of(vehicle)),
@@ -200,21 +219,38 @@ impl Station {
             };
             let now = self.now();
             let ticket = self.session.send(now, vehicle, request)?;
-            let again = (Instant::now() + REPEAT_INTERVAL * 2).min(deadline);
             // An earlier message 2 may still be on its way: the answer is the one that arrives with the 17000, or
             // just before it.
-            let answer = self
-                .until(again, |session| {
-                    let answered = !matches!(
-                        session.delivery(ticket),
-                        Delivery::Queued | Delivery::Sent(_)
-                    );
-                    (answered && count(session) > before).then_some(())
-                })
-                .await?;
+            let answered = |session: &mut Session| {
+                let ends = match session.delivery(ticket) {
+                    Delivery::Queued | Delivery::Sent(_) => false,
+                    Delivery::Received => granted(session),
+                    _ => true,
+                };
+                (ends && count(session) > before).then_some(())
+            };
+            let again = (Instant::now() + REPEAT_INTERVAL * 2).min(began + within);
+            let mut answer = self.until(again, answered).await?;
+            if answer.is_none() && self.session.delivery(ticket) == Delivery::Received {
+                within = within.max(self.timeouts.command);
+                expected = format!(
+                    "decision (17000 type 2, carried out, or 3, refused) on the received message 1 to vehicle {vehicle}"
+                );
+                let left = (began + within).saturating_duration_since(Instant::now());
+                self.awaits(&*expected, left);
+                let outcome = |session: &mut Session| {
+                    let ends = session.delivery(ticket) != Delivery::Received;
+                    (ends || answered(session).is_some()).then_some(())
+                };
+                self.until(began + within, outcome).await?;
+                // The message 2 of the decision comes with its 17000.
+                let again = (Instant::now() + REPEAT_INTERVAL * 2).min(began + within);
+                answer = self.until(again, answered).await?;
+            }
+            let refused = self.session.delivery(ticket) == Delivery::Refused;
             self.session.withdraw(ticket);
-            // A VSM that sends no 17000 for message 1 has answered by message 2 alone.
-            if answer.is_some() || count(&self.session) > before {
+            // A VSM that sends no 17000 for message 1 has answered by message 2 alone; one that refuses may send no message 2.
+            if answer.is_some() || refused || count(&self.session) > before {
                 self.awaits_nothing();
                 return Ok(());
             }
@@ -222,11 +258,7 @@ impl Station {
         if !self.answered {
             return Err(self.no_vsm(within));
         }
-        Err(self.timed_out(
-            format!("answer of vehicle {vehicle} (message 2)"),
-            within,
-            vehicle,
-        ))
+        Err(self.timed_out(expected, within, vehicle))
     }
 
     /// Sends message 4 with `acquirer` and these levels, and waits for the end of the handover. The same bytes are

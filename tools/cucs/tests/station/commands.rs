@@ -205,6 +205,47 @@ async fn rights_that_a_release_leaves_are_an_error() {
     beside!(vsm, socket, station.release(VEHICLE)).unwrap();
 }
 
+/// What the wait of the test below was for.
+static WAITS: std::sync::Mutex<Vec<String>> = std::sync::Mutex::new(Vec::new());
+
+/// A VSM whose disk is busy, or that waits for the load of another CUCS, receives a request and decides it later.
+#[tokio::test]
+async fn a_request_that_was_received_is_waited_for_and_not_made_again() {
+    let (mut station, socket) = pair().await;
+    station.on_wait = Some(|what, _| WAITS.lock().unwrap().push(what.to_owned()));
+    let mut vsm = FakeVsm::new();
+    // Longer than an answer may take.
+    vsm.decides_after = 3;
+    let granted = beside!(
+        vsm,
+        socket,
+        station.request(VEHICLE, LoiBitmap::LOI4, RequestedAccess::Request)
+    );
+    assert_eq!(granted.unwrap(), LoiBitmap::LOI4);
+    let requests = vsm.carried_out.len();
+    assert_eq!(requests, 1, "{:?}", vsm.carried_out);
+    let waits = WAITS.lock().unwrap().join("; ");
+    assert!(waits.contains("on the received message 1"), "{waits}");
+
+    vsm.decides_after = 3;
+    beside!(vsm, socket, station.release(VEHICLE)).unwrap();
+    assert_eq!(vsm.carried_out.len(), 2);
+
+    vsm.decides_after = u32::MAX;
+    station.timeouts.command = Duration::from_secs(2);
+    let error = beside!(
+        vsm,
+        socket,
+        station.request(VEHICLE, LoiBitmap::LOI4, RequestedAccess::Request)
+    );
+    let error = error.unwrap_err().to_string();
+    assert!(
+        error.contains("no decision (17000 type 2, carried out, or 3, refused)")
+            && error.contains("within 2 s"),
+        "{error}"
+    );
+}
+
 #[tokio::test]
 async fn rights_that_are_not_granted_are_an_error() {
     let (mut station, socket) = pair().await;

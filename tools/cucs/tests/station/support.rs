@@ -106,6 +106,8 @@ pub(crate) struct FakeVsm {
     pub(crate) forgets: Vec<u16>,
     /// A download is received (17000 type 1), and its 17000 type 2 and 14000 are lost the first time.
     pub(crate) loses_the_end: bool,
+    /// Requests for rights are only received (17000 type 1), this many times, before they are decided.
+    pub(crate) decides_after: u32,
     last_stamp: u64,
 }
 
@@ -132,6 +134,13 @@ impl FakeVsm {
         let mut answers = Vec::new();
         for (wants_ack, destination, bytes, message) in messages(bytes) {
             self.received.push(bytes.clone());
+            if let (true, Message::CucsAuthorisationRequest(_), Some(left)) =
+                (wants_ack, &message, self.decides_after.checked_sub(1))
+            {
+                self.decides_after = left;
+                answers.push(self.acknowledge(destination, &bytes, &message, AckType::Received));
+                continue;
+            }
             let answer = match self.seen.get(&bytes) {
                 Some(answer) => answer.clone(),
                 None => {
