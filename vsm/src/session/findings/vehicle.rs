@@ -493,6 +493,27 @@ mod tests {
         arrivals.look(seconds(at_s), stats, (0, 0), packets, others);
     }
 
+    static ADDRESS: LinkAddress = LinkAddress::UdpIn(std::net::SocketAddr::V4(
+        std::net::SocketAddrV4::new(std::net::Ipv4Addr::LOCALHOST, 14_550),
+    ));
+
+    /// A vehicle on a link of its own, last accepted at this second.
+    fn evidence(arrivals: &Arrivals, at_s: u64, accepted: Option<u64>) -> Evidence<'_> {
+        Evidence {
+            mono: seconds(at_s),
+            vehicle: stanag_msgs::Id(0x1b00_0101),
+            address: &ADDRESS,
+            system: 7,
+            key: None,
+            arrivals,
+            other: None,
+            shared: false,
+            encrypted: false,
+            accepted: accepted.map(seconds),
+            unanswered: None,
+        }
+    }
+
     /// The finding 30 s after the start, where these counters have grown a second before.
     fn found(grown: impl FnOnce(&mut LinkStats), accepted: Option<u64>) -> Option<Finding> {
         let mut stats = LinkStats::default();
@@ -500,19 +521,9 @@ mod tests {
         look(&mut arrivals, 1, &stats);
         grown(&mut stats);
         look(&mut arrivals, 29, &stats);
-        let address = LinkAddress::UdpIn(std::net::SocketAddr::from(([127, 0, 0, 1], 14_550)));
         judge(&Evidence {
-            mono: seconds(30),
-            vehicle: stanag_msgs::Id(0x1b00_0101),
-            address: &address,
-            system: 7,
-            key: None,
-            arrivals: &arrivals,
             other: Some(1),
-            shared: false,
-            encrypted: false,
-            accepted: accepted.map(seconds),
-            unanswered: None,
+            ..evidence(&arrivals, 30, accepted)
         })
     }
 
@@ -559,7 +570,6 @@ mod tests {
     /// silent on, there is always an answer why.
     #[test]
     fn there_is_no_second_of_a_silence_without_a_finding() {
-        let address = LinkAddress::UdpIn(std::net::SocketAddr::from(([127, 0, 0, 1], 14_550)));
         for burst_at in [None, Some(21), Some(24), Some(29)] {
             let mut stats = LinkStats::default();
             let mut arrivals = Arrivals::default();
@@ -569,19 +579,7 @@ mod tests {
                 stats.datagrams += u64::from(at <= 20 || burst_at == Some(at));
                 stats.garbage_bytes += if burst_at == Some(at) { 40 } else { 0 };
                 look(&mut arrivals, at, &stats);
-                let evidence = Evidence {
-                    mono: seconds(at),
-                    vehicle: stanag_msgs::Id(0x1b00_0101),
-                    address: &address,
-                    system: 7,
-                    key: None,
-                    arrivals: &arrivals,
-                    other: None,
-                    shared: false,
-                    encrypted: false,
-                    accepted: Some(seconds(at.min(20))),
-                    unanswered: None,
-                };
+                let evidence = evidence(&arrivals, at, Some(at.min(20)));
                 if at >= 22 {
                     let found = judge(&evidence).or_else(|| silent(&evidence));
                     let found = found.unwrap_or_else(|| panic!("{burst_at:?}: nothing at {at} s"));
@@ -598,7 +596,6 @@ mod tests {
 
     #[test]
     fn timestamps_that_were_behind_before_a_silence_are_not_its_reason() {
-        let address = LinkAddress::UdpIn(std::net::SocketAddr::from(([127, 0, 0, 1], 14_550)));
         for still in [false, true] {
             let mut stats = LinkStats::default();
             let mut arrivals = Arrivals::default();
@@ -609,19 +606,7 @@ mod tests {
                 stats.datagrams += u64::from(at <= 20 || behind);
                 stats.stale += u64::from(behind);
                 look(&mut arrivals, at, &stats);
-                let found = judge(&Evidence {
-                    mono: seconds(at),
-                    vehicle: stanag_msgs::Id(0x1b00_0101),
-                    address: &address,
-                    system: 7,
-                    key: None,
-                    arrivals: &arrivals,
-                    other: None,
-                    shared: false,
-                    encrypted: false,
-                    accepted: Some(seconds(at.min(20))),
-                    unanswered: None,
-                });
+                let found = judge(&evidence(&arrivals, at, Some(at.min(20))));
                 codes.extend(found.map(|one| one.code));
             }
             assert_eq!(codes.contains(&Code::MavlinkStale), still, "{codes:?}");
@@ -631,7 +616,6 @@ mod tests {
 
     #[test]
     fn of_an_encrypted_link_the_cause_is_what_was_counted() {
-        let address = LinkAddress::UdpIn(std::net::SocketAddr::from(([127, 0, 0, 1], 14_550)));
         let mut packets = EncryptedArrivals::default();
         let mut arrivals = Arrivals::default();
         let mut found = |at_s: u64, grown: fn(&mut EncryptedArrivals)| {
@@ -639,17 +623,8 @@ mod tests {
             let stats = LinkStats::default();
             arrivals.look(seconds(at_s), &stats, (0, 0), packets, std::iter::empty());
             let finding = judge(&Evidence {
-                mono: seconds(at_s + 1),
-                vehicle: stanag_msgs::Id(0x1b00_0101),
-                address: &address,
-                system: 7,
-                key: None,
-                arrivals: &arrivals,
-                other: None,
-                shared: false,
                 encrypted: true,
-                accepted: None,
-                unanswered: None,
+                ..evidence(&arrivals, at_s + 1, None)
             });
             finding.map(|finding| (finding.code, finding.cause))
         };
