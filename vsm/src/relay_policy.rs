@@ -261,9 +261,14 @@ const STATION_MESSAGES: [u32; 18] = [
     84,
 ];
 
-/// NAV_TAKEOFF, DO_ORBIT, DO_SET_MODE, DO_CHANGE_SPEED, DO_REPOSITION, COMPONENT_ARM_DISARM, SET_MESSAGE_INTERVAL,
+/// NAV_TAKEOFF, DO_ORBIT, DO_SET_MODE, DO_CHANGE_SPEED, DO_GO_AROUND, DO_REPOSITION, COMPONENT_ARM_DISARM, SET_MESSAGE_INTERVAL,
 /// REQUEST_MESSAGE, REQUEST_OPERATOR_CONTROL.
-const STATION_COMMANDS: [u16; 9] = [22, 34, 176, 178, 192, ARM_DISARM, 511, 512, 32_100];
+///
+/// DO_GO_AROUND (191) is what "abort landing" of a ground station sends. PX4 takes it of a wing on its final approach alone (its
+/// set point is of type LAND), and climbs to MIS_LND_ABRT_ALT. That it is denied would be found out within the seconds in which
+/// somebody stands on the runway; and it gives nothing that a change of mode (176) does not. Who needs another command of wings,
+/// such as a transition (3000), finds that out on the ground, and lists it.
+const STATION_COMMANDS: [u16; 10] = [22, 34, 176, 178, 191, 192, ARM_DISARM, 511, 512, 32_100];
 
 /// PREFLIGHT_CALIBRATION, _SET_SENSOR_OFFSETS, _STORAGE, _REBOOT_SHUTDOWN: where the list has them, on the ground only.
 const ONLY_DISARMED: [u16; 4] = [241, 242, 245, 246];
@@ -325,8 +330,10 @@ mod tests {
         for message in [111, 134, 282, 412] {
             assert!(!station.messages.contains(&message), "{message}");
         }
-        // Cameras, gimbals, pictures.
-        for command in [530, 1_000, 2_000] {
+        // A landing is aborted by whoever began it.
+        assert!(station.commands.contains(&191));
+        // Cameras, gimbals, pictures; transitions, changes of altitude and heading.
+        for command in [530, 1_000, 2_000, 84, 3_000, 186, 43_002] {
             assert!(!station.commands.contains(&command), "{command}");
         }
         let page = include_str!("../../docs/guide/beside-others.md");
