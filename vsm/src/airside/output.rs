@@ -50,11 +50,13 @@ impl Transmit {
     }
 }
 
-/// News for people. Anybody on a link can cause entries at will: those that find no room are dropped.
+/// News for people. Anybody on a link can cause entries at will: those that find no room are dropped, and counted by a line.
 #[derive(Debug, Default)]
 pub(super) struct Reports {
     notes: VecDeque<Note>,
     texts: VecDeque<(MavSeverity, String)>,
+    /// How many lines, and texts for the ground, found no room.
+    left_out: (u64, u64),
 }
 
 impl Reports {
@@ -63,6 +65,8 @@ impl Reports {
         if self.notes.len() < MAX_NOTES {
             let text = text.into();
             self.notes.push_back(Note { level, text });
+        } else {
+            self.left_out.0 += 1;
         }
     }
 
@@ -93,11 +97,22 @@ impl Reports {
             text.retain(|character| character.is_ascii());
             text.truncate(MAX_TEXT_BYTES);
             self.texts.push_back((severity, text));
+        } else {
+            self.left_out.1 += 1;
         }
     }
 
     pub(super) fn poll_note(&mut self) -> Option<Note> {
-        self.notes.pop_front()
+        if let Some(note) = self.notes.pop_front() {
+            return Some(note);
+        }
+        let (lines, texts) = std::mem::take(&mut self.left_out);
+        (lines > 0 || texts > 0).then(|| Note {
+            level: LogLevel::Warning,
+            text: format!(
+                "too much at once: {lines} lines are not logged, {texts} texts not sent to the ground"
+            ),
+        })
     }
 
     pub(super) fn poll_text(&mut self) -> Option<(MavSeverity, String)> {
@@ -108,3 +123,26 @@ impl Reports {
 const MAX_NOTES: usize = 256;
 const MAX_TEXTS: usize = 16;
 const MAX_TEXT_BYTES: usize = 50;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_and_texts_that_find_no_room_are_counted_by_a_line() {
+        let mut reports = Reports::default();
+        for n in 0..MAX_NOTES + 3 {
+            reports.note(LogLevel::Info, n.to_string());
+        }
+        for n in 0..=MAX_TEXTS {
+            reports.alert_ground(MavSeverity::MAV_SEVERITY_NOTICE, n.to_string());
+        }
+        let notes: Vec<Note> = std::iter::from_fn(|| reports.poll_note()).collect();
+        assert_eq!(notes.len(), MAX_NOTES + 1);
+        let last = notes.last().expect("a line");
+        assert_eq!(
+            last.text,
+            "too much at once: 3 lines are not logged, 1 texts not sent to the ground"
+        );
+    }
+}

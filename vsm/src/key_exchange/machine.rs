@@ -44,6 +44,8 @@ pub struct KeyExchange {
     /// When the key in force came into use, if that was in this run: monotonic, since the wall clock may jump.
     adopted_at: Option<Duration>,
     log: VecDeque<LogEntry>,
+    /// How many lines of the log found no room.
+    left_out: u64,
     /// The result of an order to the agent to zeroize.
     zeroize: Option<String>,
 }
@@ -131,6 +133,7 @@ impl KeyExchange {
             settled,
             adopted_at: None,
             log: VecDeque::new(),
+            left_out: 0,
             zeroize: None,
         };
         with.bridge.want_key_exchange(index);
@@ -440,13 +443,23 @@ impl KeyExchange {
 
     /// The next line for the log.
     pub fn poll_log(&mut self) -> Option<LogEntry> {
-        self.log.pop_front()
+        if let Some(entry) = self.log.pop_front() {
+            return Some(entry);
+        }
+        let lines = std::mem::take(&mut self.left_out);
+        (lines > 0).then(|| LogEntry {
+            level: LogLevel::Warning,
+            about: self.vehicle,
+            text: format!("too much at once: {lines} lines about the key exchange are not logged"),
+        })
     }
 
     fn note(&mut self, level: LogLevel, text: String) {
         if self.log.len() < MAX_LOGGED {
             let about = self.vehicle;
             self.log.push_back(LogEntry { level, about, text });
+        } else {
+            self.left_out += 1;
         }
     }
 

@@ -326,6 +326,7 @@ impl Alerts {
         }
         if self.lately.len() >= MAX_LATELY {
             if !matters(priority) {
+                self.left_out += 1;
                 return None;
             }
             // The forgotten text has been sent; it may only be sent a second time.
@@ -569,6 +570,22 @@ mod tests {
             "and one".to_owned()
         ));
         assert_eq!(alerts.lately.len(), MAX_LATELY);
+    }
+
+    #[test]
+    fn a_text_without_room_among_those_of_now_is_counted_by_the_next_one() {
+        let mut alerts = Alerts::new(0);
+        for n in 0..=MAX_LATELY {
+            let sent = notice(&mut alerts, AlertPriority::Nominal, format!("info {n}"));
+            assert_eq!(sent, n < MAX_LATELY);
+        }
+        let (priority, of) = (AlertPriority::Warning, SubsystemId::VsmStatus);
+        let raised = alerts.notice(Duration::ZERO, priority, of, "low battery".to_owned());
+        let text = raised.expect("it warns").alert.text;
+        assert_eq!(
+            text,
+            "low battery (1 texts and events before it are not reported)"
+        );
     }
 
     #[test]

@@ -536,6 +536,8 @@ impl<'a> DliEffects<'a> {
     pub(crate) fn note(&mut self, level: LogLevel, about: Id, text: String) {
         if self.log.len() < MAX_LOGGED {
             self.log.push_back(LogEntry { level, about, text });
+        } else {
+            self.counters.count("too many lines of the log at once");
         }
     }
 }
@@ -761,3 +763,21 @@ const SENT_ONCE: [u16; 4] = [
     HeldCommandState::ID,
     Contingency::ID,
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::testing::World;
+
+    #[test]
+    fn lines_of_the_log_that_find_no_room_are_counted() {
+        let mut world = World::new();
+        world.act(|_, _, effects| {
+            for n in 0..MAX_LOGGED + 3 {
+                effects.note(LogLevel::Info, n.to_string());
+            }
+        });
+        assert_eq!(world.log.len(), MAX_LOGGED);
+        assert_eq!(world.counters.get("too many lines of the log at once"), 3);
+    }
+}

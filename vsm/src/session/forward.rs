@@ -359,6 +359,8 @@ impl Forward {
         {
             if self.out.len() < MAX_WAITING {
                 self.out.push_back(OutFrame::new(sent.to, sent.len, bytes));
+            } else {
+                self.counters.count("too much at once");
             }
         }
     }

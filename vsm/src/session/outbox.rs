@@ -179,6 +179,8 @@ pub(crate) struct Outbox {
     /// Since when another node may serve this VSM: nothing is sent, and reports are not queued ([`super::Bridge::pause`]).
     pub(crate) paused_since: Option<Duration>,
     pub(crate) sent: ByType,
+    /// Datagrams that found no room in the queue since they were last counted.
+    left_out: u64,
 }
 
 /// How a station is sent an alert.
@@ -279,7 +281,8 @@ impl Outbox {
         TimeStamp::from_unix_ms(*last_ms)
     }
 
-    /// Keeps something until changes of the disk are durable; false where there is no room, and it is lost.
+    /// Keeps something until changes of the disk are durable; false where there is no room, and something is lost: an
+    /// acknowledgement takes the place of the oldest message, since it is sent once, and its command is not carried out again.
     pub(crate) fn hold(
         &mut self,
         (until, stuck): (Changes, bool),
@@ -288,14 +291,22 @@ impl Outbox {
     ) -> bool {
         let of_asker = self.held.iter().filter(|held| held.asker == asker).count();
         let fits = of_asker < MAX_HELD;
-        if fits {
-            self.held.push_back(Held {
-                until,
-                stuck,
-                asker,
-                what,
-            });
+        if !fits {
+            let is_message =
+                |one: &Held| one.asker == asker && matches!(one.what, Waiting::Datagram(_));
+            let acknowledges = matches!(what, Waiting::Acknowledgement(..));
+            let oldest = self.held.iter().position(is_message);
+            let Some(oldest) = oldest.filter(|_| acknowledges) else {
+                return false;
+            };
+            self.held.remove(oldest);
         }
+        self.held.push_back(Held {
+            until,
+            stuck,
+            asker,
+            what,
+        });
         fits
     }
 
@@ -399,7 +410,14 @@ impl Outbox {
         if self.queue.len() < MAX_QUEUED {
             self.sent.count(datagram.message_type.into());
             self.queue.push_back(datagram);
+        } else {
+            self.left_out += 1;
         }
+    }
+
+    /// How many datagrams found no room in the queue since the last call.
+    pub(crate) fn take_left_out(&mut self) -> u64 {
+        std::mem::take(&mut self.left_out)
     }
 
     /// Queues a message for the socket: in the last datagram for the same station, where there is room in it.
@@ -548,6 +566,46 @@ mod tests {
         let single: Vec<Datagram> = std::iter::from_fn(|| outbox.pop()).collect();
         assert_eq!(single.len(), fits.min(40));
         assert!(single.iter().all(|one| count(one) == 1 && one.to == to(1)));
+    }
+
+    fn to_station() -> Datagram {
+        let to = Destination::Unicast(SocketAddr::from(([127, 0, 0, 1], 40_000)));
+        Datagram::of_ed25(to, Id(1), &[0]).unwrap()
+    }
+
+    #[test]
+    fn an_acknowledgement_that_waits_for_the_disk_takes_the_place_of_a_message_and_each_loss_is_seen()
+     {
+        let mut outbox = Outbox::default();
+        let until = (Changes { after: 0, until: 1 }, false);
+        let heartbeat = Message::from(stanag_msgs::messages::Heartbeat::default());
+        let origin = crate::session::testing::origin(&heartbeat);
+        let acknowledgement = || Waiting::Acknowledgement(Id(1), origin, AckType::CarriedOut);
+        let message = || Waiting::Datagram(Box::new(to_station()));
+        for _ in 0..MAX_HELD {
+            assert!(outbox.hold(until, Some(0), message()));
+        }
+        assert!(!outbox.hold(until, Some(0), message()));
+        // A message is lost for each, and that is reported.
+        for _ in 0..MAX_HELD {
+            assert!(!outbox.hold(until, Some(0), acknowledgement()));
+        }
+        assert!(!outbox.hold(until, Some(0), acknowledgement()));
+        assert!(outbox.hold(until, Some(1), acknowledgement()));
+        let released = outbox.release(|_| Progress::Durable);
+        assert_eq!(released.len(), MAX_HELD + 1);
+        let acknowledges = |one: &Waiting| matches!(one, Waiting::Acknowledgement(..));
+        assert!(released.iter().all(acknowledges));
+    }
+
+    #[test]
+    fn datagrams_that_the_queue_has_no_room_for_are_counted() {
+        let mut outbox = Outbox::default();
+        for _ in 0..MAX_QUEUED + 5 {
+            outbox.push(to_station());
+        }
+        assert_eq!(outbox.take_left_out(), 5);
+        assert_eq!(outbox.take_left_out(), 0);
     }
 
     #[test]

@@ -207,7 +207,12 @@ impl AuthorityMachine {
         match answer {
             Answer::Granted => AckType::CarriedOut,
             Answer::Waits => {
-                self.record.wait(asker, *origin);
+                if !self.record.wait(asker, *origin) {
+                    effects
+                        .dli
+                        .counters
+                        .count("too many requests wait for a decision");
+                }
                 AckType::Received
             }
             Answer::Refused { missing, why } => {

@@ -68,14 +68,25 @@ impl AuthorityRecord {
         self.since.get(&id).copied()
     }
 
-    /// Keeps a message to answer it once its request is decided.
-    pub(super) fn wait(&mut self, asker: Id, origin: Origin) {
+    /// Keeps a message to answer it once its request is decided. Returns false where the oldest message of its station had to make
+    /// room: a station that repeats its request with new stamps looks for the answer to the latest.
+    #[must_use]
+    pub(super) fn wait(&mut self, asker: Id, origin: Origin) -> bool {
         self.waiting.retain(|(_, known)| *known != origin);
-        // The limit is per station, so that no station can prevent another's answer.
-        let of_it = self.waiting.iter().filter(|(of, _)| *of == asker);
-        if of_it.count() < MAX_WAITING {
-            self.waiting.push((asker, origin));
+        let fits = self.has_place(asker);
+        let oldest = self.waiting.iter().position(|(of, _)| *of == asker);
+        if let Some(oldest) = oldest.filter(|_| !fits) {
+            self.waiting.remove(oldest);
         }
+        self.waiting.push((asker, origin));
+        fits
+    }
+
+    /// Whether another message of a station can wait for its decision. The limit is per station, so that no station can prevent
+    /// another's answer.
+    pub(super) fn has_place(&self, asker: Id) -> bool {
+        let of_it = self.waiting.iter().filter(|(of, _)| *of == asker);
+        of_it.count() < MAX_WAITING
     }
 
     /// The messages to answer after a handover has ended: those of its two parties that wait for no other handover.
@@ -549,12 +560,14 @@ const TRY_AGAIN: Duration = Duration::from_secs(1);
 mod tests {
     use mavlink_link::store::MemoryDisk;
     use stanag_msgs::enums::LoiBitmap;
+    use stanag_msgs::messages::CucsAuthorisationRequest;
+    use stanag_msgs::{Message, TimeStamp};
 
     use super::super::audit::Chain;
     use super::super::rules::Reason;
     use super::*;
     use crate::session::log::LogEntry;
-    use crate::session::testing::{CUCS, VEHICLE, World};
+    use crate::session::testing::{CUCS, VEHICLE, World, origin};
 
     fn gains(gained: Rights) -> Change {
         Change {
@@ -642,6 +655,29 @@ mod tests {
             .write(&change, power, &at, &mut *world.disk)
             .expect("written");
         assert_eq!(lines(&mut world, Kind::Control), [false, true, false]);
+    }
+
+    #[test]
+    fn a_message_beyond_those_that_wait_for_a_decision_takes_the_place_of_the_oldest_of_its_station()
+     {
+        let mut record = AuthorityRecord::default();
+        let request = Message::from(CucsAuthorisationRequest::default());
+        let of = |stamp: u64| Origin {
+            stamp: Some(TimeStamp(stamp)),
+            ..origin(&request)
+        };
+        let other = Id(CUCS.0 + 1);
+        assert!(record.wait(other, of(1_000)));
+        let full = MAX_WAITING as u64;
+        for stamp in 0..full + 2 {
+            assert_eq!(record.wait(CUCS, of(stamp)), stamp < full, "{stamp}");
+        }
+        // The same message again takes no place.
+        assert!(record.wait(CUCS, of(full)));
+        assert!(record.has_place(other) && !record.has_place(CUCS));
+        let waits = |stamp| record.waiting.iter().any(|(_, one)| *one == of(stamp));
+        assert!(!waits(0) && !waits(1));
+        assert!(waits(2) && waits(full) && waits(full + 1) && waits(1_000));
     }
 
     #[test]

@@ -378,6 +378,8 @@ impl Bridge {
 
     /// The next datagram for the DLI side, in the edition of its station.
     pub(super) fn next_datagram(&mut self) -> Option<Datagram> {
+        let left_out = self.outbox.take_left_out();
+        self.counters.add("too many datagrams at once", left_out);
         loop {
             if let Some(datagram) = self.ed25.translated.pop_front() {
                 return Some(datagram);
