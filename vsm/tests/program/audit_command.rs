@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use kit::process::program;
 use mavlink_link::Now;
 use vsm::config::Config;
-use vsm::session::{AuditKey, Bridge, LinkEnd};
+use vsm::session::{AuditKey, Bridge, Chain, Entry, LinkEnd};
 use vsm::shell::disk::FileDisk;
 use vsm::shell::key_file::system_random;
 
@@ -138,6 +138,41 @@ fn the_audit_logs_are_verified_and_printed() {
     let (status, text) = audit(folder, &["verify"]);
     assert!(status == 1 && text.contains("is deleted"), "{text}");
     assert_eq!(audit(folder, &["verify", "--head", "12"]).0, 2);
+}
+
+#[test]
+fn lines_that_a_full_disk_did_not_take_are_named_until_a_later_head_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, log) = (folder.path(), "state/audit-1b000101.log");
+    fs::write(folder.join("vsm.toml"), CONFIG).unwrap();
+    start(folder);
+    let disk = FileDisk::open(&folder.join("state")).unwrap();
+    let key = AuditKey::load(&disk).unwrap();
+    drop(disk);
+    let mut bytes = fs::read(folder.join(log)).unwrap();
+    let from = Duration::from_secs(1_795_219_200);
+    let entry = Entry::NotWritten {
+        lines: 12,
+        until: from + Duration::from_secs(60),
+    };
+    let chain = Chain::verify(&bytes, key.as_ref(), 0).chain;
+    let (chain, line) = chain.extended(key.as_ref(), from, kit::bridge::vehicle_id(0), &entry);
+    bytes.extend_from_slice(line.as_bytes());
+    fs::write(folder.join(log), bytes).unwrap();
+    let (status, text) = audit(folder, &["verify"]);
+    let words = format!(
+        "line {}: not written: 12 lines, from 2026-11-21T00:00:00Z to 2026-11-21T00:01:00Z",
+        chain.lines()
+    );
+    assert!(status == 1 && text.contains(&words), "{status}: {text}");
+    assert!(
+        text.contains(&format!("intact, {} lines", chain.lines())),
+        "{text}"
+    );
+    let (status, text) = audit(folder, &["verify", "--head", chain.digits()]);
+    assert_eq!(status, 0, "{text}");
+    let (_, csv) = audit(folder, &["export", "--format", "csv"]);
+    assert!(csv.contains(",not_written,until_ms,"), "{csv}");
 }
 
 #[test]
