@@ -1,11 +1,15 @@
-//! Judges of how 4000 reports the motion: a rate has the sign of the change that it is the rate of, and the nose is up
-//! where a vehicle brakes or climbs.
+//! Judges of how 4000 reports the motion: a rate has the sign and the size of the change that it is the rate of, and the
+//! nose is up where a vehicle brakes or climbs.
 //!
-//! Signs only, and only where both sides are clearly above noise: the resolution of a field, a gust, or two samples of
+//! Signs are judged only where both sides are clearly above noise: the resolution of a field, a gust, or two samples of
 //! different moments show either sign. A fail needs nine of ten observations: of pure noise half are wrong, and of sixteen
 //! such observations fifteen are by chance once in 4,000 times. Too few of them are no pass. Times are the vehicle's own:
 //! a simulation that is ten times faster turns ten times as far between two reports, and what happened between them is
 //! not known.
+//!
+//! Sizes are judged by what a rate makes of a whole swing of its field, not of two reports: noise has no mean, and so
+//! hardly a sum, while a rate in degrees, in feet, or that is always 0, is wrong in each swing. The swings are chosen by
+//! the field alone. Chosen by the rate, those would be picked in which noise made it large.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,7 +21,7 @@ use crate::wire::Seen;
 pub(super) const JUDGES: &[Judge] = &[
     Judge {
         rule: "STAT-017",
-        judge: rates_have_the_sign_of_the_change,
+        judge: rates_are_those_of_the_change,
     },
     Judge {
         rule: "STAT-017",
@@ -40,6 +44,9 @@ struct Rate {
     /// Samples further apart than this count only where the rate has its sign in the one before them too, s. What sways in
     /// less than twice the time between two samples shows the opposite sign by aliasing, but never three times in a row.
     alone_s: f64,
+    /// The change of a swing, far above the noise of the field, and the longest time that it takes, s.
+    swing: f64,
+    swing_s: f64,
 }
 
 /// Half of the shortest time in which a vehicle sways so far that its reports show it, s: its tilt, and its velocity and
@@ -56,6 +63,8 @@ const RATES: &[Rate] = &[
         change: 0.5,
         apart_s: 2.5,
         alone_s: 1.0,
+        swing: 3.0,
+        swing_s: 6.0,
     },
     Rate {
         of: "U_Speed",
@@ -65,6 +74,8 @@ const RATES: &[Rate] = &[
         change: 0.2,
         apart_s: 1.2,
         alone_s: WAY_SWAYS_S,
+        swing: 1.5,
+        swing_s: 2.5,
     },
     Rate {
         of: "V_Speed",
@@ -74,6 +85,8 @@ const RATES: &[Rate] = &[
         change: 0.2,
         apart_s: 1.2,
         alone_s: WAY_SWAYS_S,
+        swing: 1.5,
+        swing_s: 2.5,
     },
     Rate {
         of: "W_Speed",
@@ -83,6 +96,8 @@ const RATES: &[Rate] = &[
         change: 0.2,
         apart_s: 1.2,
         alone_s: WAY_SWAYS_S,
+        swing: 1.5,
+        swing_s: 2.5,
     },
     Rate {
         of: "Roll",
@@ -92,6 +107,8 @@ const RATES: &[Rate] = &[
         change: 0.015,
         apart_s: 0.3,
         alone_s: TILT_SWAYS_S,
+        swing: 0.2,
+        swing_s: 1.0,
     },
     Rate {
         of: "Pitch",
@@ -101,6 +118,8 @@ const RATES: &[Rate] = &[
         change: 0.015,
         apart_s: 0.3,
         alone_s: TILT_SWAYS_S,
+        swing: 0.2,
+        swing_s: 1.0,
     },
     Rate {
         of: "Heading",
@@ -110,6 +129,8 @@ const RATES: &[Rate] = &[
         change: 0.05,
         apart_s: 1.2,
         alone_s: WAY_SWAYS_S,
+        swing: 0.5,
+        swing_s: 2.5,
     },
 ];
 
@@ -121,6 +142,13 @@ const SPACED: f64 = 0.25;
 /// A change is compared with what its rate makes of the time, within this factor: where they differ by more, the rate
 /// was another one between the two samples.
 const WITHIN: f64 = 3.0;
+/// Swings of one field that are enough to judge the size of its rate.
+const SWINGS: usize = 6;
+/// What a rate makes of a swing is the swing, within this factor: feet, degrees and another step are further off. The rates
+/// of a body that is banked by 50 degrees are not, which some autopilots report for those of the angles.
+const SIZED: f64 = 1.7;
+/// A simulation that is faster than this runs behind where the computer is slow, and only the profile says how fast it is.
+const TIMED_UP_TO: f64 = 2.0;
 /// Altitude Type of a height above the ground.
 const ABOVE_GROUND: i64 = 2;
 /// An acceleration down of this much while W_Speed stays, m/s2, is gravity: the field has what an accelerometer measures.
@@ -221,25 +249,157 @@ impl Rate {
         if !(strong(first) && strong(second) && lasts) {
             return None;
         }
-        let [from, to] = pair.values(self.of)?;
-        let datum = |seen: &Seen| seen.raw("Altitude Type");
-        // The height above rising ground falls in a climb.
-        let of_one_datum = self.of != "Altitude"
-            || datum(pair.first) == datum(pair.second) && datum(pair.first) != Some(ABOVE_GROUND);
-        let change = match self.of {
-            "Roll" | "Pitch" | "Heading" => wrapped(to - from),
-            _ => to - from,
-        };
+        let change = self.change(pair.first, pair.second)?;
         let expected = self.sign * (first + second) / 2.0 * pair.apart_s;
         let ratio = change.abs() / expected.abs();
         // Beyond a third of a turn the way round is not known.
         let known = self.of != "Heading" || expected.abs() < 2.0;
-        (of_one_datum
-            && known
-            && change.abs() >= self.change
-            && (1.0 / WITHIN..WITHIN).contains(&ratio))
-        .then_some(change * expected > 0.0)
+        (known && change.abs() >= self.change && (1.0 / WITHIN..WITHIN).contains(&ratio))
+            .then_some(change * expected > 0.0)
     }
+
+    /// How the field changes between two reports; `None` where that is not known.
+    fn change(&self, first: &Seen, second: &Seen) -> Option<f64> {
+        let (from, to) = (first.value(self.of)?, second.value(self.of)?);
+        let datum = |seen: &Seen| seen.raw("Altitude Type");
+        // The height above rising ground falls in a climb.
+        let of_one_datum = self.of != "Altitude"
+            || datum(first) == datum(second) && datum(first) != Some(ABOVE_GROUND);
+        of_one_datum.then(|| match self.of {
+            "Roll" | "Pitch" | "Heading" => wrapped(to - from),
+            _ => to - from,
+        })
+    }
+
+    /// The time between two reports that follow one another, how the field changes in it, and what the rate makes of it.
+    fn step(&self, pair: &[&Arc<Seen>], apart_s: f64, speed: f64) -> Option<[f64; 3]> {
+        let [first, second] = pair else { return None };
+        let time = (second.stamp()? - first.stamp()?) as f64 / 1000.0 * speed;
+        let rate = (first.value(self.rate)? + second.value(self.rate)?) / 2.0;
+        let change = self.change(first, second)?;
+        (time <= apart_s).then_some([time, change, self.sign * rate * time])
+    }
+
+    /// The swings of the field, one after the other, in reports that are at most so far apart. Each lasts to where the
+    /// change is largest: a rate that lags makes too little of a swing that ends sooner.
+    fn swings<'a>(
+        &self,
+        reports: &[&'a Arc<Seen>],
+        apart_s: f64,
+        speed: f64,
+    ) -> Vec<(&'a Arc<Seen>, Swing)> {
+        let steps: Vec<Option<[f64; 3]>> = reports
+            .windows(2)
+            .map(|pair| self.step(pair, apart_s, speed))
+            .collect();
+        let mut swings = Vec::new();
+        let mut begin = 0;
+        while begin < steps.len() {
+            let [mut time, mut change, mut made] = [0.0; 3];
+            let mut largest: Option<(usize, Swing)> = None;
+            let whole = steps[begin..].iter().map_while(|step| *step);
+            for (index, step) in whole.enumerate() {
+                time += step[0];
+                change += step[1];
+                made += step[2];
+                if time > self.swing_s {
+                    break;
+                }
+                let larger = largest
+                    .as_ref()
+                    .is_none_or(|(_, known)| change.abs() > known.change.abs());
+                if change.abs() >= self.swing && larger {
+                    largest = Some((index, Swing { change, made }));
+                }
+            }
+            begin += match largest {
+                Some((index, swing)) => {
+                    swings.push((reports[begin + index + 1], swing));
+                    index + 1
+                }
+                None => 1,
+            };
+        }
+        swings
+    }
+
+    /// Fails where the rate is always 0 while the field swings, and where it makes much more or less of nearly all swings
+    /// than they are; their signs are not looked at. False where there is too little to judge.
+    fn judge_size(&self, view: &View<'_>, reports: &[&Arc<Seen>], found: &mut Found) -> bool {
+        let speed = speed_of(view);
+        let swings = self.swings(reports, self.apart_s, speed);
+        let Some((last, _)) = swings.last().filter(|_| swings.len() >= SWINGS) else {
+            return false;
+        };
+        let mut values = reports.iter().filter_map(|seen| seen.raw(self.rate));
+        if values.all(|value| value == 0) {
+            // Edition 2.5 has no other way to leave a value out, and whoever declares the field as not supported says so.
+            if last.original.is_some() || unsupported(view, self.rate) {
+                return false;
+            }
+            let reason = format!(
+                "expected {} of 4000 to be that of {}, or to be absent where it is not known; it is always 0, while {} changes by {} or more {} times",
+                self.rate,
+                self.of,
+                self.of,
+                self.swing,
+                swings.len()
+            );
+            // Before a recording the field may have been declared as not supported.
+            if view.live {
+                found.fail(last, reason);
+            } else {
+                found.warn(last, reason);
+            }
+            return true;
+        }
+        let timed = self.swings(reports, self.alone_s, speed);
+        if speed > TIMED_UP_TO || timed.len() < SWINGS {
+            return false;
+        }
+        let (mut small, mut large) = (Tally::default(), Tally::default());
+        for (last, swing) in timed {
+            let ratio = (swing.made / swing.change).abs();
+            small.look(last, ratio >= 1.0 / SIZED);
+            large.look(last, ratio <= SIZED);
+        }
+        for (tally, what) in [(small, "less"), (large, "more")] {
+            let reason = format!(
+                "expected {} of 4000 to make of the time what {} changes by; it makes {what} of it, by a factor above {SIZED}",
+                self.rate, self.of
+            );
+            tally.judge_by(found, SWINGS, TENTHS, &reason);
+        }
+        true
+    }
+}
+
+/// A clear change of a field, and what its rate makes of the same time.
+struct Swing {
+    change: f64,
+    made: f64,
+}
+
+/// Whether the subject has declared that it does not have this field of 4000.
+fn unsupported(view: &View<'_>, name: &str) -> bool {
+    let info = stanag_msgs::table::message(4000).and_then(|info| info.field(name));
+    // Fields are counted from 1, the time stamp being the first.
+    let Some(number) = info.map(|field| i64::from(field.bit) + 1) else {
+        return false;
+    };
+    let of = |seen: &Seen, message: &str, field: &str| {
+        seen.raw(message) == Some(4000) && seen.raw(field) == Some(number)
+    };
+    view.messages().any(|seen| match seen.kind() {
+        41_000 | 41_001 | 41_003 => {
+            of(seen, "Requested Message", "Requested Field")
+                && seen.raw("Field Supported") == Some(0)
+        }
+        44_003 => {
+            of(seen, "Reported Message", "Reported Field") && seen.raw("Field Available") == Some(0)
+        }
+        _ => false,
+    })
 }
 
 /// Whether W_Accel contains gravity: it is large though W_Speed stays.
@@ -255,7 +415,7 @@ fn measures_gravity(reports: &[&Arc<Seen>], speed: f64) -> bool {
     large.count() >= 3
 }
 
-fn rates_have_the_sign_of_the_change(view: &View<'_>, found: &mut Found) {
+fn rates_are_those_of_the_change(view: &View<'_>, found: &mut Found) {
     let (reports, speed) = (reports(view), speed_of(view));
     let gravity = reports
         .values()
@@ -274,16 +434,18 @@ fn rates_have_the_sign_of_the_change(view: &View<'_>, found: &mut Found) {
         );
         // Each vehicle by itself: one that reports rightly does not make up for another.
         let mut judged = false;
-        for reports in reports.values() {
+        for reports in reports
+            .values()
+            .filter(|_| rate.rate != "W_Accel" || !gravity)
+        {
             let mut tally = Tally::default();
-            for pair in
-                pairs(reports, rate.apart_s, speed).filter(|_| rate.rate != "W_Accel" || !gravity)
-            {
+            for pair in pairs(reports, rate.apart_s, speed) {
                 if let Some(agrees) = rate.agrees(&pair) {
                     tally.look(pair.second, agrees);
                 }
             }
             judged |= tally.judge_by(found, ENOUGH, TENTHS, &reason);
+            judged |= rate.judge_size(view, reports, found);
         }
         if !judged {
             weak.push(rate.rate);
@@ -536,10 +698,18 @@ mod tests {
     /// 4000s of a vehicle that hovers, flies north and brakes, climbs and turns, each `every_ms`; with the sign of some
     /// fields inverted, and with noise of this strength.
     fn flight(every_ms: u64, inverted: &[&str], noise: f64) -> Vec<Datagram> {
-        flight_of(Id(0x1b00_0101), every_ms, inverted, noise)
+        flight_of(Id(0x1b00_0101), every_ms, noise, |name| {
+            if inverted.contains(&name) { -1.0 } else { 1.0 }
+        })
     }
 
-    fn flight_of(vehicle: Id, every_ms: u64, inverted: &[&str], noise: f64) -> Vec<Datagram> {
+    /// The same of this vehicle; what is reported of a field is so many times its value.
+    fn flight_of(
+        vehicle: Id,
+        every_ms: u64,
+        noise: f64,
+        factor: impl Fn(&str) -> f64,
+    ) -> Vec<Datagram> {
         let mut gusts = Gusts(7);
         let (mut pace, mut up, mut altitude): (f64, f64, f64) = (0.0, 0.0, 500.0);
         let (mut pitch, mut heading): (f64, f64) = (0.0, 0.0);
@@ -598,8 +768,7 @@ mod tests {
                 ("Turn Rate", turn, 0.3),
             ] {
                 let value = value + gust * noise * gusts.draw();
-                let sign = if inverted.contains(&name) { -1.0 } else { 1.0 };
-                draft = draft.set(name, sign * value);
+                draft = draft.set(name, factor(name) * value);
             }
             datagrams.push(received(at_ms, draft));
         }
@@ -607,7 +776,7 @@ mod tests {
     }
 
     fn rates(datagrams: &[Datagram]) -> Verdict {
-        verdict_on(datagrams, rates_have_the_sign_of_the_change)
+        verdict_on(datagrams, rates_are_those_of_the_change)
     }
 
     fn nose(datagrams: &[Datagram]) -> Verdict {
@@ -632,8 +801,51 @@ mod tests {
     #[test]
     fn a_vehicle_does_not_make_up_for_another() {
         let mut both = flight(100, &[], 0.0);
-        both.extend(flight_of(Id(0x1b00_0102), 100, &["Turn Rate"], 0.0));
+        let turns_back = |name: &str| if name == "Turn Rate" { -1.0 } else { 1.0 };
+        both.extend(flight_of(Id(0x1b00_0102), 100, 0.0, turns_back));
         assert_eq!(rates(&both), Verdict::Fail);
+    }
+
+    /// A flight in which one field is so many times what it should be.
+    fn scaled(name: &str, factor: f64) -> Vec<Datagram> {
+        flight_of(Id(0x1b00_0101), 100, 0.0, |field| {
+            if field == name { factor } else { 1.0 }
+        })
+    }
+
+    #[test]
+    fn a_rate_of_another_size_is_found() {
+        for name in ["W_Speed", "U_Accel", "W_Accel", "Pitch Rate", "Turn Rate"] {
+            for factor in [0.0, 0.3, 3.3] {
+                assert_eq!(
+                    rates(&scaled(name, factor)),
+                    Verdict::Fail,
+                    "{name} {factor}"
+                );
+            }
+            // Banked, filtered, or by a clock that is a little wrong.
+            for factor in [0.8, 1.25] {
+                assert_eq!(
+                    rates(&scaled(name, factor)),
+                    Verdict::Pass,
+                    "{name} {factor}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_rate_that_is_said_not_to_be_there_may_be_0() {
+        let zero = scaled("Turn Rate", 0.0);
+        let recorded = verdict_on_recorded(&zero, rates_are_those_of_the_change);
+        assert_eq!(recorded, Verdict::Warning);
+        let declared = Draft::new(41_001)
+            .raw("Requested Message", 4000)
+            .raw("Requested Field", 17)
+            .raw("Field Supported", 0);
+        let mut all = vec![received(0, declared)];
+        all.extend(zero);
+        assert_eq!(rates(&all), Verdict::Pass);
     }
 
     #[test]
