@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::Duration;
 
 use stanag_msgs::Id;
 
@@ -227,12 +228,20 @@ fn values_and_text_of_an_alert(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// What is the same alert: of one vehicle, to one receiver, about one subsystem, in the same words.
+type SameAlert = (Ends, u32, Option<i64>, String);
+
 fn no_storms(view: &View<'_>, found: &mut Found) {
-    let mut times: BTreeMap<(u32, usize, String), Vec<f64>> = BTreeMap::new();
-    for seen in view.once().filter(|seen| seen.kind() == 16000) {
+    let mut times: BTreeMap<SameAlert, Vec<f64>> = BTreeMap::new();
+    // Not the ends of alerts, which have no text of their own: many may end at once.
+    for seen in view
+        .once()
+        .filter(|seen| seen.kind() == 16000 && seen.raw("Priority") != Some(0))
+    {
         let key = (
+            ends(seen),
             seen.piece.destination.0,
-            seen.socket,
+            seen.raw("Subsystem ID"),
             seen.text("Text").unwrap_or_default(),
         );
         let times = times.entry(key).or_default();
@@ -351,18 +360,69 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
 
 /// Reports in progress that show whether the percentage rises: a subject may report the beginning twice.
 const RISING_BY: usize = 3;
+/// A transfer that took longer has to report progress, however seldom: who waits for it takes it for stuck.
+const LONG: Duration = Duration::from_secs(20);
+/// A transfer without an end that reports one percentage for longer makes no progress.
+const STUCK: Duration = Duration::from_secs(30);
 
-/// A transfer that took its time, and was complete, has reported more than one percentage on its way. Not judged where the
-/// reports came at its beginning only.
+/// Reports in progress of one transfer: of a vehicle, to a CUCS, in a plan mode.
+type Transfers = BTreeMap<(Ends, u32, i64), Vec<Arc<Seen>>>;
+
+/// The percentage of all these reports, where it is the same one.
+fn one_percentage(reports: &[Arc<Seen>]) -> Option<i64> {
+    let percent = reports.first()?.raw("Percent Complete")?;
+    let same = |report: &Arc<Seen>| report.raw("Percent Complete") == Some(percent);
+    reports.iter().all(same).then_some(percent)
+}
+
+/// From the first to the last of these reports, and from the first to `end`.
+fn lasted(reports: &[Arc<Seen>], end: Duration) -> (Duration, Duration) {
+    let first = reports.first().map_or(end, |report| report.at);
+    let last = reports.last().map_or(end, |report| report.at);
+    (last.saturating_sub(first), end.saturating_sub(first))
+}
+
+/// Judges a transfer of which no end came. In a recording the link to the vehicle may have been lost meanwhile. False where
+/// it was reported for too short a time.
+fn judge_endless(view: &View<'_>, reports: &[Arc<Seen>], found: &mut Found) -> bool {
+    let Some(last) = reports.last() else {
+        return false;
+    };
+    let (reported, _) = lasted(reports, last.at);
+    if reports.len() < RISING_BY || reported < STUCK {
+        return false;
+    }
+    found.saw();
+    if let Some(percent) = one_percentage(reports) {
+        let reason = format!(
+            "expected Percent Complete of 14000 to rise while a transfer is in progress; all {} reports in {:.0} s have {percent}, and no end came",
+            reports.len(),
+            reported.as_secs_f64()
+        );
+        if view.live {
+            found.fail(last, reason);
+        } else {
+            found.warn(last, reason);
+        }
+    }
+    true
+}
+
+/// A transfer that took its time, and was complete, has reported more than one percentage on its way. Not judged where it
+/// was soon done and the reports came at its beginning only.
 fn progress_rises(view: &View<'_>, found: &mut Found) {
-    let mut open: BTreeMap<(Ends, u32, i64), Vec<Arc<Seen>>> = BTreeMap::new();
+    let mut open = Transfers::new();
     let (mut commands, mut judged) = (view.requests().peekable(), false);
     for seen in view.once().filter(|seen| seen.kind() == 14000) {
         while let Some(command) = commands.next_if(|command| command.at <= seen.at) {
             // Another command begins another transfer, or is a repetition: then less is judged.
             if command.kind() == 13000 {
                 let to = (command.piece.destination.0, command.socket);
-                open.retain(|known, _| known.0 != to);
+                open.retain(|known, reports| {
+                    let before = known.0 == to;
+                    judged |= before && judge_endless(view, reports, found);
+                    !before
+                });
             }
         }
         let Some(status) = seen.raw("Status") else {
@@ -378,20 +438,14 @@ fn progress_rises(view: &View<'_>, found: &mut Found) {
         let Some(reports) = open.remove(&key).filter(|_| status == 1) else {
             continue;
         };
-        let (Some(first), Some(last)) = (reports.first(), reports.last()) else {
-            continue;
-        };
-        let took = seen.at.saturating_sub(first.at);
-        let reported = last.at.saturating_sub(first.at);
-        if reports.len() < RISING_BY || reported * 2 < took {
+        let (reported, took) = lasted(&reports, seen.at);
+        let often = reports.len() >= RISING_BY && reported * 2 >= took;
+        if !often && took < LONG {
             continue;
         }
         judged = true;
-        let percent = first.raw("Percent Complete");
-        let rises = reports
-            .iter()
-            .any(|report| report.raw("Percent Complete") != percent);
-        found.check(seen, rises || percent.is_none(), || {
+        let percent = one_percentage(&reports);
+        found.check(seen, percent.is_none(), || {
             format!(
                 "expected Percent Complete of 14000 to rise on the way; all {} reports in {:.1} s of a transfer have {percent:?}",
                 reports.len(),
@@ -399,9 +453,13 @@ fn progress_rises(view: &View<'_>, found: &mut Found) {
             )
         });
     }
+    for reports in open.values() {
+        judged |= judge_endless(view, reports, found);
+    }
     if !judged {
         found.missed(format!(
-            "no transfer with {RISING_BY} or more reports in progress through most of its time"
+            "no transfer with {RISING_BY} or more reports in progress through most of its time, or of {} s",
+            LONG.as_secs()
         ));
     }
 }
@@ -512,6 +570,11 @@ mod tests {
 
     /// A load whose reports in progress come at these times, in ms, with these percentages, and that is complete after 1 s.
     fn load(reports: &[(u64, i64)]) -> Verdict {
+        load_until(reports, Some(1_000))
+    }
+
+    /// The same, complete at this time, in ms, or never.
+    fn load_until(reports: &[(u64, i64)], end_ms: Option<u64>) -> Verdict {
         let report =
             |status: i64, percent: i64| report(status, percent).raw("Mission Plan Mode", 2);
         let command = Draft::new(13000).raw("Mission Plan Mode", 2);
@@ -519,7 +582,7 @@ mod tests {
         run.extend(
             (reports.iter()).map(|&(at_ms, percent)| received(at_ms + 200, report(0, percent))),
         );
-        run.push(received(1_200, report(1, 100)));
+        run.extend(end_ms.map(|at_ms| received(at_ms + 200, report(1, 100))));
         verdict_on(&run, progress_rises)
     }
 
@@ -532,6 +595,49 @@ mod tests {
         assert_eq!(load(&[(0, 0), (700, 0)]), Verdict::Inconclusive);
         assert_eq!(load(&[(0, 0), (10, 0), (20, 0)]), Verdict::Inconclusive);
         assert_eq!(load(&[]), Verdict::Inconclusive);
+    }
+
+    #[test]
+    fn a_long_wait_at_one_percentage_is_judged_by_one_report() {
+        let long = |reports: &[(u64, i64)]| load_until(reports, Some(25_000));
+        assert_eq!(long(&[(0, 0)]), Verdict::Fail);
+        assert_eq!(long(&[(0, 0), (10, 0), (20, 0)]), Verdict::Fail);
+        assert_eq!(long(&[(0, 0), (9_000, 50)]), Verdict::Pass);
+        // Nothing is reported while a subject has nothing to report.
+        assert_eq!(long(&[]), Verdict::Inconclusive);
+    }
+
+    #[test]
+    fn a_transfer_that_stays_at_one_percentage_for_ever_is_judged() {
+        let endless = |percent: fn(u64) -> u64, seconds: u64| {
+            let reports: Vec<(u64, i64)> = (0..=seconds / 5)
+                .map(|step| (step * 5_000, percent(step) as i64))
+                .collect();
+            load_until(&reports, None)
+        };
+        assert_eq!(endless(|_| 0, 40), Verdict::Fail);
+        assert_eq!(endless(|step| step, 40), Verdict::Pass);
+        // The link to the vehicle may be lost for a while.
+        assert_eq!(endless(|_| 0, 20), Verdict::Inconclusive);
+    }
+
+    #[test]
+    fn many_alerts_of_several_vehicles_and_their_ends_are_no_storm() {
+        let alerts = |count: u64, vehicles: u64, priority: i64, text: &str| {
+            let all: Vec<_> = (0..count)
+                .map(|step| {
+                    let mut draft = Draft::new(16000)
+                        .raw("Priority", priority)
+                        .text("Text", text.as_bytes());
+                    draft.source = Some(Id(0x1b00_0101 + (step % vehicles) as u32));
+                    received(step * 100, draft)
+                })
+                .collect();
+            verdict_on(&all, no_storms)
+        };
+        assert_eq!(alerts(30, 1, 2, "LINK LOST"), Verdict::Fail);
+        assert_eq!(alerts(30, 3, 2, "LINK LOST"), Verdict::Pass);
+        assert_eq!(alerts(30, 1, 0, ""), Verdict::Inconclusive);
     }
 
     #[test]
