@@ -3,7 +3,7 @@
 //! In these views the CUCS is the subject. The cards of a session ask for a route near the vehicle and at its altitude, so
 //! that a wrong sign, unit or kind of place shows; what an operator does otherwise is no fault, and is not judged.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
@@ -26,10 +26,12 @@ pub(super) const JUDGES: &[Judge] = &[
     },
 ];
 
-/// The first place that the vehicle reported, in radians; an impossible one is no place.
+/// The first place that the vehicle reported, in radians; an impossible one is no place, nor is 0, 0, which many fill in
+/// before they have one.
 fn vehicle_place(view: &View<'_>) -> Option<(f64, f64)> {
     view.requests()
         .filter(|seen| seen.kind() == 4000 && seen.sound())
+        .filter(|seen| [seen.raw("Latitude"), seen.raw("Longitude")] != [Some(0); 2])
         .filter_map(|seen| Some((seen.value("Latitude")?, seen.value("Longitude")?)))
         .find(|(latitude, _)| latitude.abs() < FRAC_PI_2)
 }
@@ -101,6 +103,8 @@ const SAME: f64 = 0.05;
 const CONVERTED: f64 = 0.01;
 /// Lower altitudes are not judged, m: there some metres are a large part.
 const LOWEST_M: f64 = 50.0;
+/// Altitudes of one kind of message that are enough: of a single one the operator may have chosen the number.
+const ENOUGH: usize = 2;
 
 /// What the altitudes of one kind of message are, beside the vehicle's.
 #[derive(Default)]
@@ -122,10 +126,12 @@ fn altitude_of(seen: &Seen) -> Option<(f64, i64)> {
 }
 
 /// Altitudes that are the vehicle's own times 3.28, or divided by it, and none that is the vehicle's: they are in feet, or
-/// were taken for feet. Only in the altitude type of 4000, since no other can be compared.
+/// were taken for feet. Only in the altitude type of 4000, since no other can be compared. A pass needs waypoints: flight
+/// commands alone do not show in which unit a route is.
 fn altitudes_are_metres(view: &View<'_>, found: &mut Found) {
     let mut vehicle: Option<(f64, i64)> = None;
     let mut kinds: BTreeMap<u16, Altitudes> = BTreeMap::new();
+    let mut known = BTreeSet::new();
     let all = view.datagrams.iter();
     for seen in all.flat_map(|datagram| &datagram.messages) {
         if seen.direction == Direction::Sent {
@@ -137,7 +143,8 @@ fn altitudes_are_metres(view: &View<'_>, found: &mut Found) {
         let (Some((at, reference)), Some((altitude, kind))) = (vehicle, altitude_of(seen)) else {
             continue;
         };
-        if kind != reference || at < LOWEST_M {
+        // A repetition in the same bytes is no further altitude.
+        if kind != reference || at < LOWEST_M || !known.insert(&seen.piece.bytes) {
             continue;
         }
         let altitudes = kinds.entry(seen.kind()).or_default();
@@ -151,27 +158,28 @@ fn altitudes_are_metres(view: &View<'_>, found: &mut Found) {
             altitudes.other += 1;
         }
     }
-    for altitudes in kinds.values() {
+    for (kind, altitudes) in &kinds {
         let converted = altitudes.metres == 0 && altitudes.feet > altitudes.other;
         match &altitudes.last {
             Some((seen, altitude, at)) if converted => {
                 let reason = format!(
-                    "expected altitudes of message {} in metres; {altitude:.1} m is the vehicle's {at:.1} m converted to feet, or from feet",
-                    seen.kind()
+                    "expected altitudes of message {kind} in metres; {altitude:.1} m is the vehicle's {at:.1} m converted to feet, or from feet"
                 );
                 // In a recording nobody asked for the vehicle's altitude.
-                if view.live {
+                if view.live && altitudes.feet >= ENOUGH {
                     found.fail(seen, reason);
                 } else {
                     found.warn(seen, reason);
                 }
             }
-            _ if altitudes.metres > 0 => found.saw(),
+            _ if *kind == 13_002 && altitudes.metres >= ENOUGH => found.saw(),
             _ => {}
         }
     }
     if !found.looked().0 {
-        found.missed("no commanded altitude near the vehicle's, in the altitude type of 4000");
+        found.missed(format!(
+            "fewer than {ENOUGH} altitudes of waypoints near the vehicle's, in the altitude type of 4000"
+        ));
     }
 }
 
@@ -180,7 +188,8 @@ const NEAR: f64 = 0.05;
 /// How near to 0, 0 an offset in metres is that is taken for an absolute place, rad: 13 km.
 const ORIGIN: f64 = 0.002;
 
-/// A relative place is an offset, and an absolute one is not at 0, 0, where the vehicle is far from there.
+/// A relative place is an offset, and an absolute one is not at 0, 0, where the vehicle is far from there. 0, 0 itself is
+/// what a field has that was filled in by nobody: it proves no offset, and is a warning where it is said to be absolute.
 fn location_type_says_which_place(view: &View<'_>, found: &mut Found) {
     let place = vehicle_place(view);
     let far = place.filter(|(latitude, longitude)| latitude.abs().max(longitude.abs()) > NEAR);
@@ -195,6 +204,12 @@ fn location_type_says_which_place(view: &View<'_>, found: &mut Found) {
             continue;
         };
         let at = format!("{:.4}, {:.4}", north.to_degrees(), east.to_degrees());
+        if north == 0.0 && east == 0.0 {
+            if seen.raw("Location Type") != Some(1) {
+                found.warn(seen, "a 13002 with Location Type 0 (absolute) is at 0, 0, where no place was filled in");
+            }
+            continue;
+        }
         if seen.raw("Location Type") == Some(1) {
             let absolute =
                 (north - latitude).abs() < NEAR && wrapped(east - longitude).abs() < NEAR;
@@ -261,6 +276,31 @@ mod tests {
         assert_eq!(altitudes(&[], 1), Verdict::Inconclusive);
     }
 
+    /// A 2016 with these altitudes, each sent twice in the same bytes, beside a route at other altitudes.
+    fn commanded(all: &[f64]) -> Verdict {
+        let mut run = vec![vehicle(), waypoint(1, 700.0, 1), waypoint(2, 800.0, 1)];
+        for (at_ms, &altitude) in (10..).zip(all) {
+            let draft = Draft::new(2016)
+                .raw("Time Stamp", at_ms)
+                .set("Commanded Altitude", altitude)
+                .raw("Altitude Type", 1);
+            run.push(of_cucs(at_ms as u64, draft.clone()));
+            run.push(of_cucs(at_ms as u64 + 1_000, draft));
+        }
+        verdict_on(&run, altitudes_are_metres)
+    }
+
+    #[test]
+    fn one_flight_command_proves_nothing() {
+        // Right in a flight command, and nothing is known of the route.
+        assert_eq!(commanded(&[120.0]), Verdict::Inconclusive);
+        assert_eq!(commanded(&[120.0, 121.0]), Verdict::Inconclusive);
+        // The operator may have chosen 394 m once.
+        assert_eq!(commanded(&[393.7]), Verdict::Warning);
+        assert_eq!(commanded(&[393.7, 394.0]), Verdict::Fail);
+        assert_eq!(altitudes(&[120.0], 1), Verdict::Inconclusive);
+    }
+
     fn placed(kind: i64, north: f64, east: f64) -> Verdict {
         let draft = Draft::new(13_002)
             .raw("Location Type", kind)
@@ -276,5 +316,22 @@ mod tests {
         assert_eq!(placed(1, 0.6791, -1.3451), Verdict::Fail);
         assert_eq!(placed(1, 1e-5, 2e-5), Verdict::Pass);
         assert_eq!(placed(0, 1e-5, 2e-5), Verdict::Fail);
+    }
+
+    #[test]
+    fn a_placeholder_of_0_0_is_no_place() {
+        assert_eq!(placed(1, 0.0, 0.0), Verdict::Inconclusive);
+        assert_eq!(placed(0, 0.0, 0.0), Verdict::Warning);
+        // Nor is it the vehicle's, before it has a fix.
+        let unfixed = Draft::new(4000).set("Latitude", 0.0).set("Longitude", 0.0);
+        let relative = Draft::new(13_002)
+            .raw("Location Type", 1)
+            .set("Waypoint to Latitude or Relative Y", 0.6791)
+            .set("Waypoint to Longitude or Relative X", -1.3451);
+        let run = [to_cucs(0, unfixed), vehicle(), of_cucs(1, relative)];
+        assert_eq!(
+            verdict_on(&run, location_type_says_which_place),
+            Verdict::Fail
+        );
     }
 }
