@@ -572,6 +572,10 @@ fn acknowledges_when_asked(view: &View<'_>, found: &mut Found) {
 const REPEATED_WITHIN_S: f64 = 12.0;
 /// The same bytes again this much later are a repetition, not a copy that the network or a second interface made, s.
 const REPEATED_AFTER_S: f64 = 0.2;
+/// Within this time a command that nothing acknowledged comes again, unless another one has replaced it before, s.
+const REPEATED_BEFORE_S: f64 = 6.0;
+/// A second press of a button comes sooner than this, where the acknowledgement of the first is still under way, s.
+const PRESSED_TWICE_S: f64 = 1.0;
 
 /// A command that was sent last with this content.
 struct Command {
@@ -601,11 +605,15 @@ fn content(seen: &Seen) -> Content {
 fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
     // Compared without the stamp: the same content with another stamp, while nothing had acknowledged the first, is a
     // repetition made wrong.
-    let acknowledged: BTreeSet<i64> = view
-        .requests()
-        .filter(|seen| seen.kind() == 17_000)
-        .filter_map(|seen| seen.raw("Original Message Time Stamp"))
-        .collect();
+    let mut acknowledged: BTreeMap<(i64, i64), f64> = BTreeMap::new();
+    for seen in view.requests().filter(|seen| seen.kind() == 17_000) {
+        let kind = seen.raw("Original Message Type");
+        let about = kind.zip(seen.raw("Original Message Time Stamp"));
+        if let Some(about) = about {
+            acknowledged.entry(about).or_insert(seen.at.as_secs_f64());
+        }
+    }
+    let acknowledged = |kind: u16, stamp: i64| acknowledged.get(&(kind.into(), stamp)).copied();
     let end = view
         .datagrams
         .last()
@@ -627,11 +635,13 @@ fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
             found.saw();
             command.repeated |= at - command.at > REPEATED_AFTER_S;
         } else {
-            // Once the same bytes came again, and brought nothing, the operator may command it once more.
-            let again = !command.repeated
-                && at - command.at < REPEATED_WITHIN_S
-                && !acknowledged.contains(&command.stamp);
+            // Once the same bytes came again, and brought nothing, the operator may command it once more. What came after
+            // the new stamp was no reason to send one; in a recording the answer may have had a long way.
             let first = command.stamp;
+            let waited = at - command.at;
+            let answered = acknowledged(seen.kind(), first)
+                .is_some_and(|answer| answer <= at || waited < PRESSED_TWICE_S || !view.live);
+            let again = !command.repeated && waited < REPEATED_WITHIN_S && !answered;
             found.check(seen, !again, || format!("expected the repetition of an unacknowledged {} to have the same stamp; {first} became {stamp}", seen.kind()));
             *command = Command {
                 at,
@@ -652,14 +662,18 @@ fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
             )
         });
         // The first was lost and never sent again: neither these bytes nor, as judged above, the same content with
-        // another stamp.
-        let stamp = seen.stamp().unwrap_or_default();
-        let waited = end - seen.at.as_secs_f64();
-        let sent_again = view.messages().any(|other| {
-            other.kind() == seen.kind() && other.at > seen.at && other.stamp() != seen.stamp()
-        });
-        let lost = !acknowledged.contains(&stamp) && *count == 1 && waited > 6.0;
-        found.check(seen, !lost || sent_again, || {
+        // another stamp. Another command of the type in time is a reason not to: the older one must not come after it.
+        let (at, stamp) = (seen.at.as_secs_f64(), seen.stamp().unwrap_or_default());
+        let replaced = view
+            .messages()
+            .filter(|other| {
+                other.kind() == seen.kind() && other.at > seen.at && other.stamp() != seen.stamp()
+            })
+            .map(|other| other.at.as_secs_f64())
+            .next();
+        let waited = replaced.unwrap_or(end) - at;
+        let lost = acknowledged(seen.kind(), stamp).is_none() && *count == 1;
+        found.check(seen, !lost || waited <= REPEATED_BEFORE_S, || {
             format!("expected a {} that nothing acknowledged to be sent again; it was not in {waited:.0} s", seen.kind())
         });
     }
@@ -771,7 +785,7 @@ mod tests {
         assert_eq!(judged(&[(0, 1), (6000, 2)]), Verdict::Fail);
         // Another press of the button, after the repetitions or much later.
         assert_eq!(judged(&[(0, 1), (1000, 1), (4000, 2)]), Verdict::Pass);
-        assert_eq!(judged(&[(0, 1), (20_000, 2)]), Verdict::Pass);
+        assert_eq!(judged(&[(0, 1), (1000, 1), (20_000, 2)]), Verdict::Pass);
         // A copy that the network made is no repetition.
         assert_eq!(judged(&[(0, 1), (1, 1), (6000, 2)]), Verdict::Fail);
     }
@@ -791,12 +805,54 @@ mod tests {
     #[test]
     fn a_command_that_was_acknowledged_may_be_given_again() {
         let mut all = run(&[(0, 1)], true);
-        let answer = Draft::new(17_000)
-            .raw("Original Message Time Stamp", 1)
-            .raw("Original Message Type", 2016);
-        all.push(to_cucs(100, answer));
+        all.push(acknowledged(100, 1));
         all.extend(run(&[(2000, 2)], true));
         assert_eq!(verdict_on(&all, repeats_with_the_same_stamp), Verdict::Pass);
+    }
+
+    /// The acknowledgement of the command with this stamp, received at this time, ms.
+    fn acknowledged(at_ms: u64, stamp: i64) -> Datagram {
+        let answer = Draft::new(17_000)
+            .raw("Original Message Time Stamp", stamp)
+            .raw("Original Message Type", 2016);
+        to_cucs(at_ms, answer)
+    }
+
+    #[test]
+    fn what_is_acknowledged_after_a_new_stamp_was_no_reason_for_it() {
+        let judged = |second_ms: u64, answer_ms: u64| {
+            let mut all = run(&[(0, 1)], true);
+            all.extend(run(&[(second_ms, 2)], true));
+            all.push(acknowledged(answer_ms, 1));
+            all.push(acknowledged(answer_ms + 10, 2));
+            all.sort_by_key(|datagram| datagram.at);
+            verdict_on(&all, repeats_with_the_same_stamp)
+        };
+        assert_eq!(judged(2000, 2100), Verdict::Fail);
+        assert_eq!(judged(2000, 1900), Verdict::Pass);
+        // Pressed twice before the answer can have come.
+        assert_eq!(judged(400, 500), Verdict::Pass);
+    }
+
+    #[test]
+    fn a_lost_command_is_repeated_unless_another_replaces_it_in_time() {
+        let judged = |next_ms: u64| {
+            let mut all = run(&[(0, 1)], true);
+            let other = Draft::new(2016)
+                .raw("Time Stamp", 2)
+                .raw("Select Flight Path Control Mode", 11);
+            all.push(of_cucs(next_ms, other.acked()));
+            all.push(acknowledged(next_ms + 50, 2));
+            verdict_on(&all, repeats_with_the_same_stamp)
+        };
+        assert_eq!(judged(3_000), Verdict::Pass);
+        assert_eq!(judged(20_000), Verdict::Fail);
+        // Nor does another press of the button do what the repetition should have done.
+        let pressed = run(&[(0, 1), (20_000, 2)], true);
+        assert_eq!(
+            verdict_on(&pressed, repeats_with_the_same_stamp),
+            Verdict::Fail
+        );
     }
 
     #[test]
