@@ -11,7 +11,7 @@ use crate::bench::flight::{Plan, home, load, mode_command};
 use crate::bench::station::{Station, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
-use crate::wire::{Draft, Seen};
+use crate::wire::{Direction, Draft, Seen};
 
 /// The subsystem of alerts about links and stations.
 pub(super) const COMMS: i64 = 3;
@@ -302,7 +302,55 @@ fn the_reference_can_be_asked_for(t: &Trial) -> Judged {
     })
 }
 
+/// Where an alert began that is renewed: one that has its number without the sign, and stood before.
+#[derive(Debug, PartialEq)]
+enum Origin {
+    /// It is no renewal: it begins with this message.
+    New,
+    /// With a command, which was refused then.
+    Command,
+    /// With a request for control or a connection: it may be about that, or older.
+    Unknown,
+    /// By itself.
+    Itself,
+}
+
+/// Where the alert of this message began, by all that came and was sent before it. A message that was sent up to `within`
+/// before its first one may be its cause.
+fn origin_of(before: &[Arc<Seen>], alert: &Seen, within: Duration) -> Origin {
+    let number = alert.raw("Alert (Warning) ID").unwrap_or_default();
+    if number <= 0 {
+        return Origin::New;
+    }
+    let begins = |seen: &&Arc<Seen>| {
+        seen.direction == Direction::Received
+            && seen.kind() == 16000
+            && seen.piece.source == alert.piece.source
+            && seen.raw("Alert (Warning) ID") == Some(-number)
+    };
+    // Its number may have been that of an earlier alert, which has ended.
+    let Some(first) = before.iter().rev().find(begins) else {
+        return Origin::Unknown;
+    };
+    let mut causes = before
+        .iter()
+        .filter(|seen| seen.direction == Direction::Sent && seen.at <= first.at)
+        .filter(|seen| first.at.saturating_sub(seen.at) <= within)
+        .map(|seen| seen.kind())
+        .peekable();
+    if causes.peek().is_none() {
+        return Origin::Itself;
+    }
+    if causes.any(|kind| matches!(kind, 2000..=2999 | 13_000..=13_006 | 19_000..=20_999 | 50_001..))
+    {
+        Origin::Command
+    } else {
+        Origin::Unknown
+    }
+}
+
 /// The alert with the reason of what `act` has refused: one that has begun with it, and that does not come without it too.
+/// A renewal of one that an earlier refusal raised is one, too; of another that stood it is none.
 fn reason_of(
     t: &Trial,
     a: &Station,
@@ -314,7 +362,8 @@ fn reason_of(
     let before = before_the_cause(t, a, t.bench.net.mark())?;
     let mark = t.bench.net.mark();
     act()?;
-    let alert = a.wait(mark, t.timers().answer * 2, |seen| {
+    let within = t.timers().answer * 2;
+    let alert = a.wait(mark, within, |seen| {
         before.begins(a, seen) && seen.text("Text").is_some_and(|text| !text.is_empty())
     });
     let Some(alert) = alert else {
@@ -322,6 +371,23 @@ fn reason_of(
             "expected a 16000 with the reason after {what}; none came but what comes without it too"
         )));
     };
+    let history: Vec<Arc<Seen>> = t.bench.net.recording().datagrams[..mark]
+        .iter()
+        .flat_map(|datagram| datagram.messages.iter().cloned())
+        .collect();
+    let origin = origin_of(&history, &alert, within);
+    t.expect_beside(&alert, origin != Origin::Itself, || {
+        format!(
+            "expected a 16000 with the reason after {what}; {:?} stood before, raised by no command, and is renewed",
+            alert.text("Text").unwrap_or_default()
+        )
+    })?;
+    if origin == Origin::Unknown {
+        return Err(Stop::inconclusive(format!(
+            "after {what} an alert was renewed that stood before, {:?}: what raised it was not seen",
+            alert.text("Text").unwrap_or_default()
+        )));
+    }
     t.pause(LASTS)?;
     // A reminder has the id of the alert itself.
     let later = a.collect(CALM, |seen| seen.kind() == 16000)?;
@@ -454,7 +520,7 @@ mod tests {
     use stanag_msgs::Id;
 
     use super::*;
-    use crate::wire::{Direction, split};
+    use crate::wire::split;
 
     fn alert(id: i64, priority: i64, subsystem: i64, text: &str) -> Arc<Seen> {
         let draft = Draft::new(16000)
@@ -493,6 +559,48 @@ mod tests {
             alert(7, 0, 3, "CUCS in control"),
         ]);
         assert!(!before.has(&alert(-8, 3, 3, "no data from the CUCS")));
+    }
+
+    /// A message at this time, in ms.
+    fn at(at_ms: u64, direction: Direction, draft: &Draft) -> Arc<Seen> {
+        let bytes = draft.encode(Id(0x1b00_0101), Id(0x1b00_00a0), 32, 1);
+        let piece = split(&bytes).0.remove(0);
+        Arc::new(Seen::new(
+            Duration::from_millis(at_ms),
+            0,
+            direction,
+            0,
+            piece,
+        ))
+    }
+
+    #[test]
+    fn a_renewal_is_a_reason_where_a_command_raised_the_alert() {
+        let raised = |at_ms: u64, id: i64| {
+            let draft = Draft::new(16000).raw("Alert (Warning) ID", id);
+            at(at_ms, Direction::Received, &draft)
+        };
+        let sent = |at_ms: u64, kind: u16| at(at_ms, Direction::Sent, &Draft::new(kind));
+        let origin = |before: &[Arc<Seen>], id: i64| {
+            origin_of(before, &raised(60_000, id), Duration::from_secs(4))
+        };
+        assert_eq!(origin(&[], -7), Origin::New);
+        let refused = [sent(10_000, 2016), raised(10_100, -7)];
+        assert_eq!(origin(&refused, 7), Origin::Command);
+        // A light that was left on long after the last command, and is renewed in place of the reason.
+        let by_itself = [sent(10_000, 2016), raised(20_000, -7)];
+        assert_eq!(origin(&by_itself, 7), Origin::Itself);
+        // Sent to a CUCS that connects, or its beginning was not seen.
+        let connects = [sent(10_000, 1), raised(10_100, -7)];
+        assert_eq!(origin(&connects, 7), Origin::Unknown);
+        assert_eq!(origin(&[], 7), Origin::Unknown);
+        // The number is used again.
+        let again = [
+            by_itself.as_slice(),
+            &[sent(30_000, 13_000), raised(30_100, -7)],
+        ]
+        .concat();
+        assert_eq!(origin(&again, 7), Origin::Command);
     }
 
     #[test]
