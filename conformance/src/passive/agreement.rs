@@ -375,6 +375,8 @@ fn configuration_for_who_asked(view: &View<'_>, found: &mut Found) {
     let mut asked: BTreeMap<(u32, u32), usize> = BTreeMap::new();
     let mut ended: BTreeMap<(u32, u32), BTreeSet<i64>> = BTreeMap::new();
     let mut askers = BTreeSet::new();
+    // A recording may begin within a configuration phase, and without what began it.
+    let begun_before = |asked: bool| !asked && !view.live;
     for seen in view
         .datagrams
         .iter()
@@ -388,7 +390,8 @@ fn configuration_for_who_asked(view: &View<'_>, found: &mut Found) {
             }
             // Vehicle-specific values (41002) are described to every CUCS that is sent them.
             (Direction::Received, kind @ (41_000 | 41_001 | 41_003 | 41_005))
-                if seen.piece.destination != Id::BROADCAST =>
+                if seen.piece.destination != Id::BROADCAST
+                    && !begun_before(askers.contains(&destination)) =>
             {
                 found.check(seen, askers.contains(&destination), || {
                     format!("expected the configuration ({kind}) at CUCSs that sent 40000 only; it came to {}", seen.piece.destination)
@@ -475,6 +478,23 @@ mod tests {
             })
             .collect();
         crate::passive::view::verdict_on(&datagrams, one_tail_number_at_a_time)
+    }
+
+    #[test]
+    fn a_recording_may_begin_within_a_configuration_phase() {
+        use crate::passive::view::trace::{received, sent};
+        use crate::passive::view::{verdict_on, verdict_on_recorded};
+        let ends = [received(100, Draft::new(41_005))];
+        let judge = configuration_for_who_asked;
+        assert_eq!(verdict_on(&ends, judge), Verdict::Fail);
+        assert_eq!(verdict_on_recorded(&ends, judge), Verdict::Inconclusive);
+        // The end of an older phase is none of this one's, which has one.
+        let mut all = ends.to_vec();
+        all.push(sent(200, Draft::new(40_000)));
+        all.push(received(300, Draft::new(41_005)));
+        assert_eq!(verdict_on_recorded(&all, judge), Verdict::Pass);
+        all.push(received(400, Draft::new(41_005)));
+        assert_eq!(verdict_on_recorded(&all, judge), Verdict::Fail);
     }
 
     #[test]

@@ -48,6 +48,9 @@ pub(super) const JUDGES: &[Judge] = &[
     },
 ];
 
+/// How long before a recording a message may have been sent that is acknowledged in it, ms.
+const OLDER_MS: i64 = 600_000;
+
 /// How often a message was sent, and its contents, by source, type and time stamp.
 type Sent = BTreeMap<(u32, i64, i64), (usize, BTreeSet<Vec<u8>>)>;
 
@@ -70,6 +73,16 @@ fn sent(view: &View<'_>) -> Sent {
 fn acknowledgements_name_what_was_sent(view: &View<'_>, found: &mut Found) {
     let sent = sent(view);
     let kinds: BTreeSet<(u32, i64)> = sent.keys().map(|&(id, kind, _)| (id, kind)).collect();
+    let mut first: BTreeMap<u32, i64> = BTreeMap::new();
+    for &(id, _, stamp) in sent.keys().filter(|(.., stamp)| *stamp != 0) {
+        let known = first.entry(id).or_insert(stamp);
+        *known = stamp.min(*known);
+    }
+    // A recording may begin between a message and its acknowledgement, and may be without what another CUCS sent.
+    let older = |receiver: u32, stamp: i64| {
+        let first = first.get(&receiver);
+        !view.live && first.is_none_or(|first| (1..OLDER_MS).contains(&(first - stamp)))
+    };
     for seen in view.messages().filter(|seen| seen.kind() == 17000) {
         let (Some(kind), Some(stamp)) = (
             seen.raw("Original Message Type"),
@@ -88,6 +101,9 @@ fn acknowledgements_name_what_was_sent(view: &View<'_>, found: &mut Found) {
         }
         let known =
             sent.contains_key(&(receiver, kind, stamp)) || sent.contains_key(&(receiver, kind, 0));
+        if !known && older(receiver, stamp) {
+            continue;
+        }
         found.check(seen, known, || {
             let why = if kinds.contains(&(receiver, kind)) {
                 format!("none with the stamp {stamp}")
@@ -135,6 +151,7 @@ fn a_command_ends_once(view: &View<'_>, found: &mut Found) {
 
 fn nothing_is_granted_unrequested(view: &View<'_>, found: &mut Found) {
     let mut requested: BTreeMap<u32, i64> = BTreeMap::new();
+    let mut known: BTreeSet<(u32, u32)> = BTreeSet::new();
     for seen in view
         .datagrams
         .iter()
@@ -156,8 +173,13 @@ fn nothing_is_granted_unrequested(view: &View<'_>, found: &mut Found) {
                 let Some(granted) = seen.raw("LOI Granted") else {
                     continue;
                 };
+                let receiver = seen.piece.destination.0;
+                // What it is shown first in a recording it may have been granted before that.
+                if !view.live && known.insert((seen.piece.source.0, receiver)) {
+                    *requested.entry(receiver).or_default() |= granted;
+                }
                 // A CUCS that has sent nothing yet may hold what it held before the run; every level includes LOI 2.
-                let Some(&requested) = requested.get(&seen.piece.destination.0) else {
+                let Some(&requested) = requested.get(&receiver) else {
                     continue;
                 };
                 let more = granted & !requested & 0x0E;
@@ -280,6 +302,13 @@ fn pull_messages_are_pulled(view: &View<'_>, found: &mut Found) {
             }
             (Direction::Received, kind @ 3000) => {
                 let pulled = asked.contains(&(seen.socket, kind.into()));
+                // A schedule may be older than a recording.
+                if !pulled && !view.live {
+                    found.missed(format!(
+                        "{kind} came without a request or schedule in the recording"
+                    ));
+                    continue;
+                }
                 found.check(seen, pulled, || {
                     format!(
                         "expected {kind} on request or schedule only; it came to {}, which did not ask",
@@ -346,6 +375,8 @@ mod tests {
 
     use super::*;
     use crate::bench::net::Datagram;
+    use crate::passive::view::trace::{received, sent};
+    use crate::passive::view::{verdict_on, verdict_on_recorded};
     use crate::verdict::Verdict;
     use crate::wire::Draft;
 
@@ -373,6 +404,72 @@ mod tests {
             datagrams.push(datagram(at_ms, Direction::Received, done));
         }
         crate::passive::view::verdict_on(&datagrams, a_command_ends_once)
+    }
+
+    /// What a judge finds in a live run, and in a recording that begins with the first of these datagrams.
+    fn both(datagrams: &[Datagram], judge: fn(&View<'_>, &mut Found)) -> [Verdict; 2] {
+        [
+            verdict_on(datagrams, judge),
+            verdict_on_recorded(datagrams, judge),
+        ]
+    }
+
+    #[test]
+    fn a_recording_may_begin_after_what_was_sent_for_it() {
+        let acknowledged = |stamp: i64| {
+            let draft = Draft::new(17000)
+                .raw("Original Message Time Stamp", stamp)
+                .raw("Original Message Type", 2017);
+            [
+                received(100_100, draft),
+                sent(100_200, Draft::new(2016).raw("Time Stamp", 100_200)),
+            ]
+        };
+        let judge = acknowledgements_name_what_was_sent;
+        assert_eq!(
+            both(&acknowledged(99_900), judge),
+            [Verdict::Fail, Verdict::Inconclusive]
+        );
+        // That of no message, before or in it.
+        assert_eq!(
+            both(&acknowledged(100_150 + OLDER_MS), judge),
+            [Verdict::Fail; 2]
+        );
+
+        let pulled = [received(0, Draft::new(3000))];
+        assert_eq!(
+            both(&pulled, pull_messages_are_pulled),
+            [Verdict::Fail, Verdict::Inconclusive]
+        );
+    }
+
+    #[test]
+    fn a_level_that_was_held_before_a_recording_was_granted_before_it() {
+        let granted =
+            |at_ms: u64, levels: i64| received(at_ms, Draft::new(2).raw("LOI Granted", levels));
+        let request = |at_ms: u64, levels: i64| {
+            let draft = Draft::new(1)
+                .raw("Requested/Handover LOI", levels)
+                .raw("Requested/Handover Access", 1);
+            sent(at_ms, draft)
+        };
+        // It asks for LOI 2, and holds LOI 4.
+        let holds = [request(0, 1), granted(100, 5)];
+        assert_eq!(
+            both(&holds, nothing_is_granted_unrequested),
+            [Verdict::Fail, Verdict::Pass]
+        );
+        // In the recording LOI 4 is granted without a request.
+        let given = [
+            request(0, 1),
+            granted(100, 1),
+            request(200, 1),
+            granted(300, 5),
+        ];
+        assert_eq!(
+            both(&given, nothing_is_granted_unrequested),
+            [Verdict::Fail; 2]
+        );
     }
 
     #[test]

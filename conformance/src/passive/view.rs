@@ -31,7 +31,8 @@ pub struct View<'a> {
     pub profile: &'a Profile,
     /// What the discovery showed, where there was one.
     pub survey: Option<&'a Survey>,
-    /// Whether both ends have the same clock: true in a live run, false for a capture.
+    /// Whether both ends have the same clock, and all that was sent is here: true in a live run, false for a capture, which
+    /// may begin in the middle of anything. What has to have come before is then not known to be missing.
     pub live: bool,
     /// Whether messages of Edition 2.5 are read themselves, and not their counterparts in Edition 4.
     pub as_they_are: bool,

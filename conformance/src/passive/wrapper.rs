@@ -262,7 +262,10 @@ fn sources_and_destinations(view: &View<'_>, found: &mut Found) {
         // Not 2 and 16002: responses to an unrecorded flood go to ids that occur nowhere else, and those of a
         // restarted subject, or late ones, may reach the socket that the id had before.
         if destination != Id::BROADCAST && !cucs.is_empty() && !matches!(seen.kind(), 2 | 16002) {
-            found.check(seen, cucs.contains(&destination), || {
+            // In a recording a CUCS may only listen.
+            let of_vsm = vehicles.contains(&destination) || vsm_ids.contains(&destination);
+            let listens = !view.live && destination != Id::NULL && !of_vsm;
+            found.check(seen, cucs.contains(&destination) || listens, || {
                 format!("expected a CUCS or the broadcast id as destination; got {place}")
             });
             let there = senders.contains(&(local, destination));
@@ -300,6 +303,46 @@ fn header_byte_order(view: &View<'_>, found: &mut Found) {
         let left = bytes.len().checked_sub(HEADER + other);
         if datagram.fault.is_some() && left.is_some_and(|left| [0, 2, 4].contains(&left)) {
             found.fail_at(datagram, format!("expected the most significant byte first; the header's length fits only the other way round ({other} bytes)"));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::net::Datagram;
+    use crate::passive::view::trace::{received, sent};
+    use crate::passive::view::{verdict_on, verdict_on_recorded};
+    use crate::verdict::Verdict;
+    use crate::wire::Draft;
+
+    /// A CUCS that connects, and a report to this destination.
+    fn reported_to(destination: Id) -> [Datagram; 3] {
+        let mut report = Draft::new(3001);
+        report.destination = Some(destination);
+        [
+            sent(0, Draft::new(1)),
+            received(10, Draft::new(2)),
+            received(20, report),
+        ]
+    }
+
+    #[test]
+    fn in_a_recording_a_cucs_may_only_listen() {
+        let listener = reported_to(Id(0x1b00_00a1));
+        assert_eq!(
+            verdict_on(&listener, sources_and_destinations),
+            Verdict::Fail
+        );
+        assert_eq!(
+            verdict_on_recorded(&listener, sources_and_destinations),
+            Verdict::Pass
+        );
+        // The vehicle itself, and nobody.
+        for destination in [Id(0x1b00_0101), Id::NULL] {
+            let run = reported_to(destination);
+            let recorded = verdict_on_recorded(&run, sources_and_destinations);
+            assert_eq!(recorded, Verdict::Fail, "{destination}");
         }
     }
 }

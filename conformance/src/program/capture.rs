@@ -14,6 +14,7 @@ use crate::outcome::{Outputs, sha256};
 use crate::passive::{View, judges_of};
 use crate::report::capture::{Captured, read};
 use crate::report::{DLI, Report, RuleReport, SCHEMA, Subject};
+use crate::verdict::{Judgement, Verdict, also};
 use crate::wire::dialect::Role as Side;
 use crate::wire::{Direction, Piece, split};
 
@@ -105,6 +106,19 @@ fn datagrams(captured: Vec<Captured>, vsms: &[SocketAddr], edition: &str) -> Vec
         .collect()
 }
 
+/// What two judges of one rule found: what one of them did not see takes nothing from what the other one did.
+fn together(first: Judgement, second: Judgement) -> Judgement {
+    match (first.verdict, second.verdict) {
+        (_, Verdict::Inconclusive) => first,
+        (Verdict::Inconclusive, _) => second,
+        // Both findings are kept, since only one of them may be expected.
+        (Verdict::Fail, Verdict::Fail) => {
+            Judgement::new(Verdict::Fail, also(&first.reason, &second.reason))
+        }
+        _ => first.and(second),
+    }
+}
+
 /// Every rule that can be judged by looking.
 fn judged(catalogue: &Catalogue, view: &View<'_>, strict: bool) -> Vec<RuleReport> {
     let edition = &view.profile.subject.edition;
@@ -119,8 +133,10 @@ fn judged(catalogue: &Catalogue, view: &View<'_>, strict: bool) -> Vec<RuleRepor
         let (judgement, evidence) = applied.judge(view);
         let judgement = judgement.at_level(rule.level, strict);
         if let Some(known) = rules.iter_mut().find(|known| known.id == rule.id) {
-            if judgement.verdict.is_fail() && !known.verdict.is_fail() {
-                (known.verdict, known.reason) = (judgement.verdict, judgement.reason);
+            let before = Judgement::new(known.verdict, known.reason.clone());
+            let after = together(before.clone(), judgement);
+            if after != before {
+                (known.verdict, known.reason) = (after.verdict, after.reason);
                 known.evidence = evidence.iter().map(|seen| seen.evidence()).collect();
             }
             continue;
@@ -209,7 +225,6 @@ mod tests {
     use stanag_msgs::json::encode_line;
 
     use super::*;
-    use crate::verdict::Verdict;
 
     const VSM: &str = "10.0.0.1:4586";
     const CUCS: &str = "10.0.0.2:4586";
@@ -379,6 +394,23 @@ mod tests {
             )
         }),
     ];
+
+    #[test]
+    fn what_one_judge_did_not_see_hides_nothing() {
+        use Verdict::{Fail, Inconclusive, Pass, Warning};
+        for (first, second, both) in [
+            (Inconclusive, Pass, Pass),
+            (Inconclusive, Warning, Warning),
+            (Pass, Inconclusive, Pass),
+            (Pass, Warning, Warning),
+            (Warning, Fail, Fail),
+            (Fail, Pass, Fail),
+        ] {
+            let judged = |verdict: Verdict| Judgement::new(verdict, verdict.name());
+            let found = together(judged(first), judged(second));
+            assert_eq!(found.verdict, both, "{first:?} {second:?}");
+        }
+    }
 
     #[test]
     fn traffic_of_edition_2_5_is_judged_and_each_fault_is_found_by_its_rule() {
