@@ -15,7 +15,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 WARNING, CAUTION, UPDATED = "FIRST WARNING", "A CAUTION", "NOW A WARNING"
-UNAVAILABLE = {16, 17, 22}
+UNAVAILABLE, LOITER = {16, 17, 22}, 12
 # Where the scripted vehicle is, in rad, and five degrees away from it.
 LATITUDE, NEAR = 0.679, 0.02
 # A route there, at the vehicle's altitude.
@@ -38,6 +38,8 @@ EYES = {
     "radius-outside": ("radius:10", lambda p: not p["done"]),
     "radius-beyond": ("radius:900", lambda p: not p["done"]),
     "mode-unavailable": ("show", lambda p: not UNAVAILABLE & set(p["offered_modes"])),
+    "mode-withdrawn": ("show", lambda p: LOITER not in p["offered_modes"]),
+    "mode-returned": ("show", lambda p: LOITER in p["offered_modes"]),
     "alerts": ("show", lambda p: texts(p) == sorted((WARNING, CAUTION))),
     "alert-updated": ("show", lambda p: texts(p) == sorted((WARNING, UPDATED))),
     "alert-removed": ("show", lambda p: texts(p) == [UPDATED]),

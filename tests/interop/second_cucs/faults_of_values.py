@@ -7,7 +7,7 @@ from second_vsm.change import replace, table
 
 from .display import MODE
 from .faults_in_detail import change_fields
-from .station import ANSWER_S
+from .station import ACK_S, ANSWER_S, LOI_4
 
 OF_VALUES, _entry = table()
 FEET = 1 / 0.3048
@@ -51,6 +51,21 @@ def _(station):
     change_fields(station, 13002, lambda f: f | {"Location Type": 1, NORTH: 5_000, EAST: 5_000})
 
 
+@fault("MODE-016n2", "a 44003 after the configuration phase changes nothing")
+def _(station):
+    # What belongs to the phase comes before it is over.
+    def make(old):
+        return lambda fields: None if station.configured else old(fields)
+    replace(station.display, "learn_availability", make)
+
+
+@fault("MODE-016n3", "a mode that was unavailable once is not offered again")
+def _(station):
+    def make(old):
+        return lambda fields: old(fields) if fields.get("Enumerated Index Enable", 0) < 0 else None
+    replace(station.display, "learn_availability", make)
+
+
 @fault("ACK-009n", "a 2016 asks for no acknowledgement, and is sent three times a second apart, each time as a new one")
 def _(station):
     def command(id, fields, *rest, lawful=station.command):
@@ -73,3 +88,24 @@ def _(station):
         return wait
     replace(station, "wait", make)
     station.again = lambda _wire, id, fields: station.encode(id, fields, ack=True)
+
+
+@fault("ACK-009n3", "a 2016 that gets lost is not repeated; five seconds after its time another one replaces it")
+def _(station):
+    def command(id, fields, *rest, lawful=station.command):
+        if id != 2016:
+            return lawful(id, fields, *rest)
+        station.must_hold(LOI_4)
+
+        def sent(fields):
+            since = len(station.inbox)
+            station.transmit(station.make_command(id, fields)[0])
+            return station.wait(lambda m: m.id == 17000 and m.fields.get("Original Message Type") == id, ACK_S + ANSWER_S, since)
+        answer = sent(fields)
+        if not answer:
+            station.pump(5.0)
+            answer = sent(fields | {MODE: 15})
+        if not answer:
+            station.display.unconfirmed.append(id)
+        return answer and answer.fields.get("Acknowledgement Type")
+    station.command = command

@@ -10,6 +10,8 @@ from .mission import IN_PROGRESS
 from .steering import DONE
 
 OF_STATE, _entry = table()
+FEET = 1 / 0.3048
+ACCELERATIONS = ("U_Accel", "V_Accel", "W_Accel")
 
 
 def fault(id, title, *beside):
@@ -17,8 +19,12 @@ def fault(id, title, *beside):
     return _entry(id, title, " ".join((id.partition("n")[0], *beside)))
 
 
+def scaled(factor, *names):
+    return lambda f: f | {name: round(factor * f[name]) for name in names if name in f}
+
+
 def inverted(*names):
-    return lambda f: f | {name: -f[name] for name in names if name in f}
+    return scaled(-1, *names)
 
 
 # Id, title, message, and what becomes of its fields.
@@ -27,9 +33,14 @@ REPORTS = (
     ("STAT-017n2", "Pitch and Pitch Rate of 4000 are positive nose down", 4000, inverted("Pitch", "Pitch Rate")),
     ("STAT-017n3", "Pitch Rate of 4000 is positive nose down", 4000, inverted("Pitch Rate")),
     ("STAT-017n4", "Roll Rate of 4000 is positive to the left", 4000, inverted("Roll Rate")),
-    ("STAT-017n5", "the accelerations of 4000 are those against the motion", 4000, inverted("U_Accel", "V_Accel", "W_Accel")),
+    ("STAT-017n5", "the accelerations of 4000 are those against the motion", 4000, inverted(*ACCELERATIONS)),
     ("STAT-017n6", "W_Accel of 4000 is positive up", 4000, inverted("W_Accel")),
     ("STAT-017n7", "U_Accel of 4000 is positive to the south", 4000, inverted("U_Accel")),
+    ("STAT-017n8", "the accelerations of 4000 are always 0", 4000, scaled(0, *ACCELERATIONS)),
+    ("STAT-017n9", "the accelerations of 4000 are in feet", 4000, scaled(FEET, *ACCELERATIONS)),
+    ("STAT-017n10", "Turn Rate of 4000 is always 0", 4000, scaled(0, "Turn Rate")),
+    ("STAT-017n11", "Pitch Rate of 4000 is always 0", 4000, scaled(0, "Pitch Rate")),
+    ("STAT-017n12", "W_Speed of 4000 is in feet a second", 4000, scaled(FEET, "W_Speed")),
     ("STAT-018n", "UA State of 3002 is one too high", 3002, lambda f: f | {"UA State": f["UA State"] + 1}),
     ("STAT-019n", "Engine Speed of 3007 is 600 rad/s whatever the engine does", 3007, lambda f: f | {"Engine Speed 1": 1200}),
     ("STAT-019n2", "Engine Speed of 3007 is always 0", 3007, lambda f: f | {"Engine Speed 1": 0}),
@@ -39,6 +50,23 @@ REPORTS = (
 )
 for _id, _title, _message, _alter in REPORTS:
     fault(_id, _title)(lambda vsm, message=_message, alter=_alter: change_reports(vsm, message, alter))
+
+
+@fault("ROUTE-024n3", "of a load that takes 25 s the beginning is reported, with 0 %, and the end")
+def _(vsm):
+    for vehicle in vsm.vehicles:
+        mission = vehicle.mission
+
+        def load(*args, m=mission, lawful=mission.load):
+            problem = lawful(*args)
+            if m.transfer:
+                m.transfer.takes = 25.0
+            return problem
+
+        def status(cucs, status, percent, *rest, lawful=mission.status):
+            if status != IN_PROGRESS or percent == 0:
+                lawful(cucs, status, percent, *rest)
+        mission.load, mission.status = load, status
 
 
 @fault("STAT-018n2", "after a landing UA State of 3002 is 'launch abort'")

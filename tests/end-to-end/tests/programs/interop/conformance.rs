@@ -277,6 +277,7 @@ fn the_second_ground_station_passes_and_its_faults_do_not() {
     // What is found on the wire, by the operator's eyes, and by a station that no longer answers.
     let faults = [
         ("normal", "MODE-016n", "MODE-016"),
+        ("normal", "MODE-016n2", "MODE-016"),
         ("damaged", "C03", "WRAP-010"),
         ("unloaded", "C16", "ROUTE-023"),
         ("odd", "C24", "ROBUST-011"),
