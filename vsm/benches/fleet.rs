@@ -1,6 +1,7 @@
 //! `vsm run` with many vehicles: processor time, memory, how long a mode change takes to its 3001 meanwhile, and what was lost.
 //! Prints a Markdown table; `cargo bench -p vsm --bench fleet`, `-- --vehicles 200 --seconds 2` for one row of another size and shorter
-//! turns, `--pack` with what is due together for a CUCS in one datagram (`cucs.pack`). A figure is the median of five turns.
+//! turns, `--pack` with what is due together for a CUCS in one datagram (`cucs.pack`), `--bridges 2` for the vehicles divided between two
+//! processes. A figure is the median of five turns.
 //!
 //! Each vehicle signs with a key of its own, and sends HEARTBEAT at 1 Hz and ATTITUDE, GLOBAL_POSITION_INT, VFR_HUD and
 //! ATTITUDE_QUATERNION at 10 Hz each; 200 share a link. Three CUCSs listen to all of them with the schedules that a bridge has
@@ -17,7 +18,8 @@ use std::fs;
 use std::net::{SocketAddr, UdpSocket};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Barrier, Mutex};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use kit::clock::wall;
@@ -47,16 +49,28 @@ fn main() {
     let seconds = number("--seconds").unwrap_or(4);
     let pack = std::env::args().any(|argument| argument == "--pack");
     let all = [
-        (1, false),
-        (200, false),
-        (1_000, false),
-        (1_000, true),
-        (2_000, false),
-        (2_000, true),
+        (1, false, 1),
+        (200, false, 1),
+        (1_000, false, 1),
+        (1_000, true, 1),
+        (1_000, false, 2),
+        (2_000, false, 1),
+        (2_000, true, 1),
     ];
-    let rows = number("--vehicles").map_or(all.to_vec(), |only| vec![(only, pack)]);
-    for (vehicles, pack) in rows {
-        World::start(vehicles, pack).measure(seconds);
+    let bridges = number("--bridges").unwrap_or(1);
+    let rows = number("--vehicles").map_or(all.to_vec(), |only| vec![(only, pack, bridges)]);
+    for (vehicles, pack, bridges) in rows {
+        // Of several, each has its part of the vehicles, and a driver and stations of its own.
+        let all_fly = Barrier::new(bridges as usize);
+        thread::scope(|scope| {
+            for _ in 0..bridges {
+                scope.spawn(|| {
+                    let world = World::start(vehicles / bridges, pack);
+                    all_fly.wait();
+                    world.measure(seconds, bridges);
+                });
+            }
+        });
     }
 }
 
@@ -169,7 +183,7 @@ impl World {
             sent: 0,
             stamp: 0,
         };
-        std::thread::sleep(Duration::from_millis(500 + u64::from(count)));
+        thread::sleep(Duration::from_millis(500 + u64::from(count)));
         // What a vehicle that appears leads to is no steady state.
         world.fly(2, false);
         for station in &world.stations {
@@ -193,7 +207,7 @@ impl World {
                         f64::from(seconds) * f64::from(done) / f64::from(steps),
                     );
                 if let Some(wait) = due.checked_duration_since(Instant::now()) {
-                    std::thread::sleep(wait);
+                    thread::sleep(wait);
                 }
                 done += 1;
                 if (round as usize + at).is_multiple_of(10) {
@@ -245,10 +259,10 @@ impl World {
     }
 
     /// In turns of so many seconds.
-    fn measure(mut self, seconds: u32) {
+    fn measure(mut self, seconds: u32, bridges: u32) {
         let (taken, sent) = (self.taken(), self.sent);
         let turns: Vec<Turn> = (0..TURNS).map(|_| self.turn(seconds)).collect();
-        std::thread::sleep(Duration::from_millis(500));
+        thread::sleep(Duration::from_millis(500));
         let (taken, sent) = (self.taken() - taken, self.sent - sent);
         let waits = |station: &Arc<Station>| station.waits.lock().expect("no panic").len();
         let unanswered: usize = self.stations.iter().map(waits).sum();
@@ -259,13 +273,16 @@ impl World {
         };
         let (core, p99) = (of(|turn| turn.core_percent), of(|turn| turn.p99_us));
         let vehicles = self.vehicles.len();
-        let (packed, name) = if self.pack {
-            (", `pack`", "packed-")
-        } else {
-            ("", "")
+        let (kind, name) = match (self.pack, bridges) {
+            (true, 1) => (", `pack`".to_owned(), "packed-".to_owned()),
+            (_, 1) => Default::default(),
+            _ => (
+                format!(", one of {bridges} bridges"),
+                format!("of-{bridges}-bridges-"),
+            ),
         };
         println!(
-            "| {vehicles} vehicles{packed} | {:.0} | {core:.1} | {:.1} | {memory_mb:.1} MB | {:.0} | {p99:.0} | {:.0} | {} frames, {unanswered} mode changes |",
+            "| {vehicles} vehicles{kind} | {:.0} | {core:.1} | {:.1} | {memory_mb:.1} MB | {:.0} | {p99:.0} | {:.0} | {} frames, {unanswered} mode changes |",
             of(|turn| turn.frames_s).median,
             of(|turn| turn.frame_us),
             of(|turn| turn.p50_us),
@@ -355,7 +372,7 @@ impl Station {
     /// Requests LOI 2 of every vehicle, and counts what comes from then on.
     fn listen(self: &Arc<Station>, dli: SocketAddr, vehicles: &[Vehicle]) {
         let station = Arc::clone(self);
-        std::thread::spawn(move || station.count());
+        thread::spawn(move || station.count());
         for vehicle in vehicles {
             let request = Message::from(CucsAuthorisationRequest {
                 time_stamp: Some(TimeStamp::from_unix_ms(wall().as_millis() as u64)),
@@ -368,7 +385,7 @@ impl Station {
             let length = request.encode(&envelope, &mut out).expect("it fits");
             let sent = self.socket.send_to(&out[..length], dli);
             sent.expect("it is sent");
-            std::thread::sleep(Duration::from_millis(2));
+            thread::sleep(Duration::from_millis(2));
         }
     }
 
