@@ -228,7 +228,7 @@ pub(super) async fn send(
         to => to,
     };
     let mut guarded = [0; MAX_GUARDED];
-    let mut batch = Batch::default();
+    let mut batch = Batch::new(&unicast);
     // Before the runtime has polled a socket once, `try_send` on it always fails.
     let _ = unicast.writable().await;
     let writers: Vec<_> = shared.core.borrow().writers.clone();
