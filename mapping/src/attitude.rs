@@ -23,22 +23,34 @@ pub struct Attitude {
 }
 
 impl Attitude {
-    /// The attitude so many seconds later, or earlier where negative, at its present rates. `None` near the vertical, where roll
-    /// and heading are not defined.
-    fn turned(self, seconds: f64) -> Option<Attitude> {
-        // The rates are those of the body, not of the angles: in a banked turn the nose goes round and the body pitches up,
-        // while the pitch stays.
+    /// The rates of roll, pitch and yaw, rad/s. `None` near the vertical, where roll and yaw are not defined.
+    ///
+    /// The measured rates are those of the body: in a banked turn the nose goes round and the body pitches up, while the pitch
+    /// stays.
+    pub(crate) fn angle_rates(&self) -> Option<[f64; 3]> {
+        if self.pitch.abs() > MAX_PITCH {
+            return None;
+        }
         let (sin_roll, cos_roll) = self.roll.sin_cos();
         let sideways = self.pitch_rate * sin_roll + self.yaw_rate * cos_roll;
         let upwards = self.pitch_rate * cos_roll - self.yaw_rate * sin_roll;
+        Some([
+            self.roll_rate + sideways * self.pitch.tan(),
+            upwards,
+            sideways / self.pitch.cos(),
+        ])
+    }
+
+    /// The attitude so many seconds later, or earlier where negative, at its present rates. `None` near the vertical.
+    fn turned(self, seconds: f64) -> Option<Attitude> {
+        let [roll_rate, pitch_rate, yaw_rate] = self.angle_rates()?;
         let turned = Attitude {
-            roll: self.roll + (self.roll_rate + sideways * self.pitch.tan()) * seconds,
-            pitch: self.pitch + upwards * seconds,
-            yaw: self.yaw + sideways / self.pitch.cos() * seconds,
+            roll: self.roll + roll_rate * seconds,
+            pitch: self.pitch + pitch_rate * seconds,
+            yaw: self.yaw + yaw_rate * seconds,
             ..self
         };
-        let level = |one: &Attitude| one.pitch.abs() <= MAX_PITCH;
-        (level(&self) && level(&turned)).then_some(turned)
+        (turned.pitch.abs() <= MAX_PITCH).then_some(turned)
     }
 }
 
@@ -84,8 +96,9 @@ impl AttitudeTrack {
     /// The attitude at the moment of the latest position; `None` where too much time is between them.
     pub(crate) fn at_position(&self) -> Option<Attitude> {
         let (position_ms, nearest) = (self.position_ms?, self.nearest?);
-        // Where no position comes any more, what the vehicle does now matters more than one moment for all.
-        let behind_ms = span_ms(position_ms, self.latest?.boot_ms);
+        // Where no position comes any more, or the position is of before a restart, what the vehicle does now matters more than
+        // one moment for all.
+        let behind_ms = span_ms(position_ms, self.latest?.boot_ms).unsigned_abs();
         let gap_ms = span_ms(nearest.boot_ms, position_ms);
         if behind_ms > MAX_BEHIND_MS || gap_ms.unsigned_abs() > MAX_GAP_MS {
             return None;
@@ -103,7 +116,7 @@ fn span_ms(from: u32, to: u32) -> i32 {
 /// tilts and comes back.
 const MAX_GAP_MS: u32 = 250;
 /// How far the latest position may be behind the latest attitude: some reports of it are lost on a bad link.
-const MAX_BEHIND_MS: i32 = 1_000;
+const MAX_BEHIND_MS: u32 = 1_000;
 /// 80 degrees.
 const MAX_PITCH: f64 = 1.396;
 
@@ -206,6 +219,12 @@ mod tests {
         track.note_attitude(1_351, Some(turning(0.0)));
         assert_eq!(track.at_position(), None);
         track.note_attitude(1_360, None);
+        assert_eq!(track.at_position(), None);
+        // The vehicle's clock begins again: what was nearest is of before.
+        track.note_position(60_000);
+        track.note_attitude(60_000, Some(turning(0.0)));
+        assert_near(track.at_position(), [0.0, 0.0, 0.0]);
+        track.note_attitude(2_000, Some(turning(1.0)));
         assert_eq!(track.at_position(), None);
     }
 }

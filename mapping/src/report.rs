@@ -226,9 +226,11 @@ pub fn inertial_states(vehicle: &Telemetry, stamp: TimeStamp) -> Option<Inertial
         states.roll = Some(Bam16::from_radians(attitude.roll));
         states.pitch = Some(Bam16::from_radians(attitude.pitch));
         states.heading = Some(Bam16::from_radians(attitude.yaw));
-        states.roll_rate = Scaled::from_si(attitude.roll_rate).ok();
-        states.pitch_rate = Scaled::from_si(attitude.pitch_rate).ok();
-        states.turn_rate = Scaled::from_si(attitude.yaw_rate).ok();
+        // Those of the angles in this message, not of the body (3010): a tracker predicts the heading by Turn Rate.
+        let rates = attitude.angle_rates();
+        states.roll_rate = scaled(rates.map(|[roll, _, _]| roll));
+        states.pitch_rate = scaled(rates.map(|[_, pitch, _]| pitch));
+        states.turn_rate = scaled(rates.map(|[_, _, yaw]| yaw));
     }
     Some(states)
 }
@@ -517,6 +519,32 @@ mod tests {
                 assert!(error_deg < 0.05, "{behind_ms}, {at_ms}: {error_deg}");
             }
         }
+    }
+
+    /// In a level turn the heading changes alone, however far the vehicle is banked.
+    #[test]
+    fn the_rates_are_those_of_the_angles() {
+        let (roll, turn) = (60_f32.to_radians(), 0.5);
+        let mut banked = ATTITUDE_DATA {
+            roll,
+            pitchspeed: turn * roll.sin(),
+            yawspeed: turn * roll.cos(),
+            ..ATTITUDE_DATA::default()
+        };
+        let rates = |attitude: &ATTITUDE_DATA| {
+            let mut vehicle = Telemetry::default();
+            vehicle.update(&MavMessage::ATTITUDE(attitude.clone()));
+            let states = inertial_states(&vehicle, TimeStamp(1)).expect("a 4000");
+            let tilt = [states.roll_rate, states.pitch_rate].map(|rate| rate.map(|rate| rate.si()));
+            [tilt[0], tilt[1], states.turn_rate.map(|rate| rate.si())]
+        };
+        for (found, expected) in rates(&banked).into_iter().zip([0.0, 0.0, 0.5]) {
+            let found = found.expect("a rate");
+            assert!((found - expected).abs() < 0.006, "{found} {expected}");
+        }
+        // Near the vertical the angles have none.
+        banked.pitch = 85_f32.to_radians();
+        assert_eq!(rates(&banked), [None; 3]);
     }
 
     #[test]

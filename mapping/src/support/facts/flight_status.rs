@@ -110,9 +110,9 @@ facts! {
         "Roll": "ATTITUDE, brought to the Time Stamp by its rates";
         "Pitch": "ATTITUDE, brought to the Time Stamp by its rates";
         "Heading": "ATTITUDE, true, brought to the Time Stamp by its rates";
-        "Roll Rate": "ATTITUDE, about the body's axis";
-        "Pitch Rate": "ATTITUDE, about the body's axis";
-        "Turn Rate": "ATTITUDE, about the body's axis";
+        "Roll Rate": "ATTITUDE, the rate of Roll; absent near the vertical";
+        "Pitch Rate": "ATTITUDE, the rate of Pitch; absent near the vertical";
+        "Turn Rate": "ATTITUDE, the rate of Heading; absent near the vertical";
     }
     4001 sends "every 400 ms from LOI 2 on, by 17001, on 17002; never of a silent vehicle" {
         "Time Stamp": MEASURED;
