@@ -347,7 +347,7 @@ impl Flight {
                 {
                     let origin = *origin;
                     // It stays on its item; PX4 may break its landing off by itself.
-                    self.breaks_off = None;
+                    self.breaks_off = self.breaks_off.take().and_then(BreakOff::refused);
                     self.fail(context, origin, why, effects);
                 }
             }

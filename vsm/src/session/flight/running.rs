@@ -35,7 +35,8 @@ impl Flight {
         }
         // Whatever has commanded it: the one place that every maneuver passes. What was commanded before may still take effect.
         let breaks_off = BreakOff::by(&maneuver, &context.vehicle.telemetry, &context.mission);
-        self.breaks_off = match (breaks_off, self.breaks_off.take()) {
+        let before = self.breaks_off.take().map(BreakOff::superseded);
+        self.breaks_off = match (breaks_off, before) {
             (Some(later), Some(before)) => Some(later.after(before)),
             (one, other) => one.or(other),
         };
@@ -307,7 +308,7 @@ impl Flight {
         if context.vehicle.telemetry.mode != Some(Px4Mode::OFFBOARD) {
             self.steering.release();
         }
-        self.breaks_off = None;
+        self.breaks_off = self.breaks_off.take().and_then(BreakOff::refused);
         self.fail(context, origin, why, effects);
     }
 

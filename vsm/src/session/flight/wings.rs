@@ -207,6 +207,8 @@ pub(super) fn wave_off(at: &Situation<'_>) -> Result<Task, String> {
 pub(super) struct BreakOff {
     /// In these modes the vehicle may have left it.
     modes: Vec<Px4Mode>,
+    /// The same by commands before the latest, which may still take effect.
+    earlier: Vec<Px4Mode>,
     /// Nothing is commanded that climbs.
     keeps_height: bool,
 }
@@ -242,16 +244,30 @@ impl BreakOff {
         let to_item = maneuver.sends_to().map(|_| Px4Mode::MISSION);
         Some(BreakOff {
             modes: maneuver.modes().chain(to_item).collect(),
+            earlier: Vec::new(),
             keeps_height: maneuver.last_mode().is_some_and(keeps) && !climbs,
         })
     }
 
-    /// This one, commanded while an earlier one may still take effect.
-    pub(super) fn after(mut self, before: BreakOff) -> BreakOff {
-        let mut before = before.modes;
-        before.retain(|mode| !self.modes.contains(mode));
-        self.modes.append(&mut before);
+    /// This one, once something else was commanded.
+    pub(super) fn superseded(mut self) -> BreakOff {
+        self.modes.retain(|mode| !self.earlier.contains(mode));
+        self.earlier.append(&mut self.modes);
         self
+    }
+
+    /// This one, commanded while a superseded one may still take effect.
+    pub(super) fn after(self, before: BreakOff) -> BreakOff {
+        BreakOff {
+            earlier: before.earlier,
+            ..self
+        }
+    }
+
+    /// This one, once the vehicle has refused the latest command: those before it may still take effect.
+    pub(super) fn refused(mut self) -> Option<BreakOff> {
+        self.modes = std::mem::take(&mut self.earlier);
+        (!self.modes.is_empty()).then_some(self)
     }
 
     /// Whether the vehicle has left its final approach, by reports of after the command.
@@ -267,7 +283,7 @@ impl BreakOff {
         if mission.is_on_final(telemetry) || may_be_on_final(telemetry) {
             return Shown::NotYet;
         }
-        if !self.modes.contains(&mode) {
+        if !self.modes.contains(&mode) && !self.earlier.contains(&mode) {
             return Shown::Otherwise;
         }
         let places = telemetry.position.zip(telemetry.home);
@@ -480,3 +496,31 @@ const KEEP_HEIGHT: [Px4Mode; 4] = [
 const LOWEST_WING_LAUNCH_M: f64 = 10.0;
 /// How far below its altitude a VTOL may hover, m: the default of NAV_MC_ALT_RAD.
 const ALTITUDE_SLACK_M: f64 = 0.8;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refused_command_leaves_what_was_commanded_before_it() {
+        let by = |mode| BreakOff {
+            modes: vec![mode],
+            earlier: Vec::new(),
+            keeps_height: true,
+        };
+        assert!(by(Px4Mode::LOITER).refused().is_none());
+        // A return, right after a hold that the vehicle has not reported yet.
+        let both = by(Px4Mode::RTL).after(by(Px4Mode::LOITER).superseded());
+        assert_eq!(
+            (&both.modes[..], &both.earlier[..]),
+            (&[Px4Mode::RTL][..], &[Px4Mode::LOITER][..])
+        );
+        let rest = both.refused().expect("the hold");
+        assert_eq!(rest.modes, [Px4Mode::LOITER]);
+        // A go-around takes it off its approach by itself, and may be refused too.
+        let superseded = rest.superseded().superseded();
+        assert!(superseded.modes.is_empty());
+        let rest = superseded.refused().expect("the hold");
+        assert!(rest.refused().is_none());
+    }
+}
