@@ -216,22 +216,28 @@ impl SharedFiles {
         let Lane { changed, stored } = &self.lanes[lane];
         let mut stored = locked(stored);
         let length = file.metadata()?.len();
-        let known = stored.files.get(name).copied();
+        let most = max_bytes(name);
+        // What etcd lacks, and what is sent of it; `None` where the file is shorter than what etcd has, or something else makes it
+        // longer again and again: then etcd has beginning and end of it from now on.
+        let lacks = |known: Stored| {
+            let lacking = length.checked_sub(known.left_out + known.head.length)?;
+            let sent = if lacking > most { most / 2 } else { lacking };
+            let is_bounded = known.head.length + sent <= MAX_TAKEN_OVER * most;
+            is_bounded.then_some((known, lacking, sent))
+        };
+        let grown = stored.files.get(name).copied().and_then(lacks);
         // Renamed, deleted or replaced meanwhile: the file now under this name is not the one that etcd has. It is stored
         // with the other changed files, in their order.
-        let is_shorter = |it: Stored| it.head.length + it.left_out > length;
-        if locked(changed).contains(name) || known.is_none_or(is_shorter) {
+        let is_same = !locked(changed).contains(name);
+        let Some((known, lacking, sent)) = grown.filter(|_| is_same) else {
             locked(changed).insert(name.to_owned());
             drop(stored);
             return self.store_lane(lane);
-        }
-        let Some(known) = known else { return Ok(()) };
+        };
         stored.doubt(name);
         // This open file, whatever its name is now.
         let path = format!("/proc/self/fd/{}", file.as_raw_fd());
         let before = known.head.length;
-        let (lacking, most) = (length - known.left_out - before, max_bytes(name));
-        let sent = if lacking > most { most / 2 } else { lacking };
         let left_out = known.left_out + (lacking - sent);
         if sent < lacking {
             warn_of_part(name, left_out);
@@ -331,6 +337,9 @@ fn warn_of_part(name: &str, left_out: u64) {
         "{name} is longer than it becomes: something else has written to it. etcd gets its beginning and its end, without {left_out} bytes between; keep a copy of it, since the next node, and the next start of this one, have only these"
     );
 }
+
+/// How many times [`max_bytes`] a copy in etcd may have at most: a part of a log that is too long, and lines since.
+pub(super) const MAX_TAKEN_OVER: u64 = 2;
 
 /// How many bytes of a file anybody reads at most.
 pub(super) fn max_bytes(name: &str) -> u64 {

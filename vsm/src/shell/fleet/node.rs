@@ -13,7 +13,7 @@ use stanag_msgs::Id;
 use tokio::sync::{mpsc, watch};
 
 use super::etcd::{Change, Condition, Entry, Etcd};
-use super::files::{SharedFiles, is_stored, max_bytes};
+use super::files::{MAX_TAKEN_OVER, SharedFiles, is_stored, max_bytes};
 use super::remote::{Names, Remote, Right};
 use super::seal::Seal;
 use crate::config::SharedStore;
@@ -317,9 +317,6 @@ fn restore(
     };
     Ok(Some(disk.through(Arc::new(files))))
 }
-
-/// How many times [`max_bytes`] a copy in etcd may have at most: a part of a log that is too long, and lines since.
-const MAX_TAKEN_OVER: u64 = 2;
 
 /// What a node has seen of etcd, in a file beside the store's: with it the node refuses an earlier state.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -292,7 +292,8 @@ fn a_log_of_gigabytes_costs_etcd_and_the_other_files_nothing_and_its_next_line_i
     let (store, held) = own(&etcd, "alpha", folder.path(), 7).unwrap();
     let mut disk = QueuedDisk::new(store, Arc::new(Notify::new())).unwrap();
     let log = "audit-1b000102.log";
-    for line in ["one\n", "two\n"] {
+    // Each leaves a megabyte more in etcd, until beginning and end are stored again.
+    for line in ["one\n", "two\n", "2a\n", "2b\n", "2c\n"] {
         disk.append(log, line.as_bytes(), Durability::Power)
             .unwrap();
         durable(&mut disk);
