@@ -585,13 +585,13 @@ struct Command {
     repeated: bool,
 }
 
-/// Fields by their names.
-type Content = Vec<(&'static str, Vec<u8>)>;
+/// Source, destination, and fields by their names.
+type Content = (Id, Id, Vec<(&'static str, Vec<u8>)>);
 
-/// What a command says: its fields, but not its time stamp, nor the number of its activity, which a CUCS may count up with
-/// each message. The data as they are where they are no fields.
+/// What a command says, and to whom: one button may command each of several vehicles. Its fields, but not its time stamp, nor
+/// the number of its activity, which a CUCS may count up with each message. The data as they are where they are no fields.
 fn content(seen: &Seen) -> Content {
-    match &seen.fields {
+    let fields = match &seen.fields {
         Ok(fields) => {
             let fields = fields.iter().map(|(&name, bytes)| (name, bytes.clone()));
             fields
@@ -599,7 +599,8 @@ fn content(seen: &Seen) -> Content {
                 .collect()
         }
         Err(_) => vec![("", seen.piece.data.clone())],
-    }
+    };
+    (seen.piece.source, seen.piece.destination, fields)
 }
 
 fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
@@ -664,11 +665,11 @@ fn repeats_with_the_same_stamp(view: &View<'_>, found: &mut Found) {
         // The first was lost and never sent again: neither these bytes nor, as judged above, the same content with
         // another stamp. Another command of the type in time is a reason not to: the older one must not come after it.
         let (at, stamp) = (seen.at.as_secs_f64(), seen.stamp().unwrap_or_default());
+        let ends = |seen: &Seen| (seen.piece.source, seen.piece.destination);
         let replaced = view
             .messages()
-            .filter(|other| {
-                other.kind() == seen.kind() && other.at > seen.at && other.stamp() != seen.stamp()
-            })
+            .filter(|other| other.kind() == seen.kind() && ends(other) == ends(seen))
+            .filter(|other| other.at > seen.at && other.stamp() != seen.stamp())
             .map(|other| other.at.as_secs_f64())
             .next();
         let waited = replaced.unwrap_or(end) - at;
@@ -853,6 +854,43 @@ mod tests {
             verdict_on(&pressed, repeats_with_the_same_stamp),
             Verdict::Fail
         );
+    }
+
+    /// All vehicles are to hold.
+    #[test]
+    fn one_command_to_each_of_several_vehicles_is_no_repetition() {
+        let command = |at_ms: u64, stamp: i64, vehicle: u32, acked: bool| {
+            let mut draft = Draft::new(2016)
+                .raw("Time Stamp", stamp)
+                .raw("Select Flight Path Control Mode", 12);
+            draft.destination = Some(Id(0x1b00_0101 + vehicle));
+            of_cucs(at_ms, if acked { draft.acked() } else { draft })
+        };
+        // The first one's is lost, and repeated; or it is not.
+        let mut all = vec![
+            command(0, 1, 0, true),
+            command(100, 2, 1, true),
+            acknowledged(150, 2),
+            command(2_000, 1, 0, true),
+            acknowledged(2_050, 1),
+        ];
+        assert_eq!(verdict_on(&all, repeats_with_the_same_stamp), Verdict::Pass);
+        all.truncate(3);
+        all.push(command(20_000, 3, 1, true));
+        all.push(acknowledged(20_050, 3));
+        assert_eq!(verdict_on(&all, repeats_with_the_same_stamp), Verdict::Fail);
+
+        let each: Vec<_> = (0..5)
+            .map(|vehicle| {
+                command(
+                    u64::from(vehicle) * 10,
+                    i64::from(vehicle) + 1,
+                    vehicle,
+                    false,
+                )
+            })
+            .collect();
+        assert_eq!(verdict_on(&each, commands_once), Verdict::Pass);
     }
 
     #[test]
