@@ -89,6 +89,11 @@ impl<A: Copy + Eq> Link<A> {
             .send_to(to, now, auth, Content::Raw(message_id, payload), out)
     }
 
+    /// Whether [`poll_transmit`](Self::poll_transmit) has left something that is due: the clock waits for its ceiling to be stored.
+    pub fn has_due(&self) -> bool {
+        self.core.has_due()
+    }
+
     /// The next heartbeat, challenge or answer to a challenge that is due, if any. Call it until it returns `None`, after each
     /// [`handle_datagram`](Self::handle_datagram) and [`handle_timeout`](Self::handle_timeout).
     pub fn poll_transmit(
@@ -174,7 +179,7 @@ impl<A: Copy + Eq> Core<A> {
         sent.ok()
     }
 
-    fn has_due(&self) -> bool {
+    pub(super) fn has_due(&self) -> bool {
         self.heartbeat_due
             || self.receipt.due
             || self.path.due().is_some()

@@ -501,6 +501,11 @@ impl Alerts {
         self.acknowledged.iter().filter(move |one| one.id == id)
     }
 
+    /// Whether an alert of this cause is active.
+    pub(crate) fn stands(&self, cause: Cause) -> bool {
+        self.standing.iter().any(|(known, _)| *known == cause)
+    }
+
     /// The active alerts, for a CUCS that starts to listen.
     pub(crate) fn standing(&self) -> impl Iterator<Item = &Alert> {
         self.standing.iter().map(|(_, alert)| alert)

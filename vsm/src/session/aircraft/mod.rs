@@ -194,6 +194,15 @@ impl Aircraft {
         self.run_until_idle(dli);
     }
 
+    /// Whether [`Aircraft::handle_durable`] would change anything, other than with a disk that fails.
+    pub(super) fn awaits_disk(&self) -> bool {
+        self.authority.awaits_disk()
+            || self.termination.awaits_disk()
+            || self.held.awaits_disk()
+            || self.link.awaits_disk()
+            || self.alerts.stands(Cause::Disk)
+    }
+
     /// The disk has made queued changes durable, or has failed to.
     pub(super) fn handle_durable(&mut self, dli: &mut DliEffects<'_>) {
         let effects = effects!(self, dli);

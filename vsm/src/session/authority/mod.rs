@@ -371,6 +371,11 @@ impl AuthorityMachine {
         AckType::CarriedOut
     }
 
+    /// Whether a decision waits until it is stored.
+    pub(crate) fn awaits_disk(&self) -> bool {
+        !self.unstored.is_empty()
+    }
+
     /// When [`Input::Settle`] or [`Input::WatchSilence`] is next needed.
     pub(crate) fn poll_timeout(
         &self,

@@ -127,6 +127,11 @@ impl Held {
         true
     }
 
+    /// Whether a command waits until its start is stored.
+    pub(crate) fn awaits_disk(&self) -> bool {
+        !self.storing.is_empty()
+    }
+
     /// When [`Input::Watch`] is next due.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         let waiting = self.waiting();

@@ -345,6 +345,11 @@ impl VehicleLink {
         !self.out.is_empty()
     }
 
+    /// Whether a frame of the link waits for the disk to store the ceiling of the signing clock.
+    pub(crate) fn awaits_disk(&self) -> bool {
+        self.link.has_due()
+    }
+
     /// Turns reports of the services and the link into events and alerts.
     fn collect(&mut self, vehicle: &mut VehicleState, effects: &mut Effects<'_>) {
         let now = effects.dli.now.mono;

@@ -94,6 +94,11 @@ impl Termination {
         }
     }
 
+    /// Whether a command waits until its entry of the audit log is stored.
+    pub(crate) fn awaits_disk(&self) -> bool {
+        self.audit.is_some()
+    }
+
     /// When [`Input::Watch`] is next due.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         let audit = self.audit.map(|(_, until)| until);
