@@ -119,24 +119,31 @@ fn a_landing_behind_the_route_flies_to_none_of_its_waypoints() {
     assert!(!rig.truth().armed);
 }
 
-/// PX4 v1.18 calls the mission active again in AUTO.LAND, with the last waypoint as the current item.
+/// PX4 v1.18 calls the mission active again in AUTO.LAND, with the last waypoint as the current item; a VSM that was started again
+/// there has its end on disk.
 #[test]
 fn a_route_that_has_ended_begins_again_after_a_landing_that_was_aborted() {
-    let mut rig = ready(orders::square());
-    rig.done(orders::mode(Mode::Waypoint));
-    is_along(&mut rig, 120.0, [104, 0, 0]);
-    rig.done(orders::mode(Mode::AutolandEngage));
-    rig.run(2.0);
-    rig.done(orders::mode(Mode::AutolandWaveOff));
-    rig.run(2.0);
-    assert_eq!(along(&rig), [104, 0, 0]);
-    rig.done(orders::mode(Mode::Waypoint));
-    let again = "the route was flown to its end, flying it again from its start";
-    let alerts = rig.station().alerts();
-    let named = alerts.iter().filter(|text| text.contains(again)).count();
-    assert_eq!(named, 1, "{alerts:?}");
-    for wanted in [[0, 101, 102], [101, 102, 103]] {
-        is_along(&mut rig, 60.0, wanted);
+    for restarted in [false, true] {
+        let mut rig = ready(orders::square());
+        rig.done(orders::mode(Mode::Waypoint));
+        is_along(&mut rig, 120.0, [104, 0, 0]);
+        rig.done(orders::mode(Mode::AutolandEngage));
+        rig.run(2.0);
+        if restarted {
+            rig.restart_bridge();
+            rig.run(3.0);
+        }
+        rig.done(orders::mode(Mode::AutolandWaveOff));
+        rig.run(2.0);
+        assert_eq!(along(&rig), [104, 0, 0]);
+        rig.done(orders::mode(Mode::Waypoint));
+        let again = "the route was flown to its end, flying it again from its start";
+        let alerts = rig.station().alerts();
+        let named = alerts.iter().filter(|text| text.contains(again)).count();
+        assert_eq!(named, 1, "{restarted}: {alerts:?}");
+        for wanted in [[0, 101, 102], [101, 102, 103]] {
+            is_along(&mut rig, 60.0, wanted);
+        }
     }
 }
 

@@ -139,6 +139,9 @@ impl Mission {
     /// A record exists and cannot be read.
     pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         self.store.restore(effects)?;
+        if let Some(uploaded) = self.store.uploaded.as_ref().filter(|_| self.store.ended) {
+            self.progress = RouteProgress::ended(&uploaded.compiled);
+        }
         self.fence.restore(effects)?;
         self.rally.restore(effects)
     }
@@ -297,11 +300,14 @@ impl Mission {
                 transfers.advance(context, store, progress, fence.read_at(), effects);
             }
             Input::WatchProgress => {
-                let uploaded = store.uploaded.as_ref();
-                if let Some(uploaded) = uploaded {
+                if let Some(uploaded) = &store.uploaded {
                     let streamed = context.flight.streams_curve;
-                    progress.look(&uploaded.compiled, telemetry, streamed);
+                    let wings = context.parameters.wings(context);
+                    let circle_m = wings.map(|wings| wings.loiter_radius_m.abs());
+                    progress.look(&uploaded.compiled, telemetry, streamed, circle_m);
                 }
+                store.keep_end(progress.has_ended(), context.mono(), effects);
+                let uploaded = store.uploaded.as_ref();
                 let transferring = transfers.is_running();
                 watchdog.watch(context, uploaded, transferring, effects);
                 landing.watch(context, uploaded, transferring, effects);

@@ -6,13 +6,16 @@
 //! of the next leg, in place of the waypoint: it counts where the vehicle was flying to that waypoint.
 //!
 //! After a start of this VSM in the middle of a route, the preceding waypoint is taken as
-//! the previous one until the vehicle reaches the next.
+//! the previous one until the vehicle reaches the next. That a route was flown to its end is stored ([`super::store`]): in
+//! AUTO.LAND PX4 v1.18 no longer reports it.
 
 use mapping::mode::Px4Mode;
 use mapping::report::Along;
 use mapping::route::CompiledMission;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MissionState;
+
+use super::watchdog::{HOVER_NEAR_M, away_from};
 
 /// The machine. Legs are indices of [`CompiledMission::order`].
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -28,6 +31,8 @@ pub(crate) struct RouteProgress {
     /// The leg that it flew to in AUTO.MISSION before this one, unless it was sent here.
     left: Option<usize>,
     end: End,
+    /// The vehicle is known to be elsewhere than at the end of the route.
+    away: bool,
     /// Completed laps of the loop.
     laps: u16,
     /// The item reached before the route was restarted: its repeated messages prove nothing.
@@ -48,6 +53,17 @@ enum End {
 }
 
 impl RouteProgress {
+    /// After a start of this VSM: the route was flown to its end before.
+    pub(super) fn ended(compiled: &CompiledMission) -> RouteProgress {
+        RouteProgress {
+            // Its current item then: another one is reported if it was sent on meanwhile.
+            to: compiled.order.len().checked_sub(1),
+            // Whether it has only held since is for its position to show.
+            end: End::Held,
+            ..RouteProgress::default()
+        }
+    }
+
     /// Another route is uploaded: none of it has been flown.
     pub(crate) fn begin(&mut self, vehicle: &Telemetry) {
         *self = RouteProgress {
@@ -70,25 +86,40 @@ impl RouteProgress {
         self.begun || !self.witnessed
     }
 
+    /// Whether the route was flown to its end, and not begun again since.
+    pub(super) fn has_ended(&self) -> bool {
+        self.end != End::Ahead
+    }
+
     /// Whether the vehicle flies to no item of the route: it was flown to its end, whatever PX4 reports since, or PX4 reports the
     /// mission as complete.
     pub(crate) fn is_over(&self, vehicle: &Telemetry) -> bool {
-        self.end != End::Ahead || reports_complete(vehicle)
+        self.has_ended() || reports_complete(vehicle)
     }
 
-    /// Whether the route was flown to its end, and the vehicle has only held since: it is still there.
+    /// Whether the route was flown to its end, and the vehicle has only held since, there as far as it reports its position: a hold
+    /// may have been moved by somebody else (DO_REPOSITION of a `[[forward]]`), which is no end of a contingency route.
     pub(crate) fn stays_at_end(&self, vehicle: &Telemetry) -> bool {
-        match self.end {
+        let holds = match self.end {
             // After a start of this VSM there, only PX4 knows.
             End::Ahead => self.was_flown() && reports_complete(vehicle),
             End::Reached | End::Held => true,
             End::Left => false,
-        }
+        };
+        holds && !self.away
     }
 
     /// Updates from the vehicle's present report. `streamed`: it follows a curve of the route in OFFBOARD, where PX4 reports no
-    /// item as reached; the VSM then sets the current item as the curve passes it.
-    pub(crate) fn look(&mut self, compiled: &CompiledMission, vehicle: &Telemetry, streamed: bool) {
+    /// item as reached; the VSM then sets the current item as the curve passes it. `circle_m`: the radius of the vehicle's own
+    /// circles, if it circles where it holds.
+    pub(crate) fn look(
+        &mut self,
+        compiled: &CompiledMission,
+        vehicle: &Telemetry,
+        streamed: bool,
+        circle_m: Option<f64>,
+    ) {
+        self.away = is_away_from_end(compiled, vehicle, circle_m);
         let Some(mission) = vehicle.mission else {
             return;
         };
@@ -222,6 +253,24 @@ impl RouteProgress {
     }
 }
 
+/// Whether the vehicle is known to be elsewhere than at the end of the route: without a position it is not.
+fn is_away_from_end(
+    compiled: &CompiledMission,
+    vehicle: &Telemetry,
+    circle_m: Option<f64>,
+) -> bool {
+    let last = compiled.order.last().map(|leg| leg.number);
+    let mut items = compiled.items.iter().zip(&compiled.waypoint_of).rev();
+    let end = items.find(|(item, number)| item.is_flown_to() && Some(**number) == last);
+    let Some((item, away)) = end.and_then(|(item, _)| Some((item, away_from(vehicle, item)?)))
+    else {
+        return false;
+    };
+    // A circle may be the item's own.
+    let circle_m = circle_m.map_or(0.0, |own_m| own_m.max(f64::from(item.params[2]).abs()));
+    away.ground_m > 2.0 * circle_m + HOVER_NEAR_M || away.height_m > HEIGHT_NEAR_M
+}
+
 fn reports_complete(vehicle: &Telemetry) -> bool {
     let complete = MissionState::MISSION_STATE_COMPLETE;
     vehicle
@@ -229,11 +278,14 @@ fn reports_complete(vehicle: &Telemetry) -> bool {
         .is_some_and(|mission| mission.state == complete)
 }
 
+/// A hold at a height is within this of it, also on wings, m.
+const HEIGHT_NEAR_M: f64 = 20.0;
+
 #[cfg(test)]
 mod tests {
     use mapping::altitude::Level;
     use mapping::route::Leg;
-    use mapping::telemetry::MissionProgress;
+    use mapping::telemetry::{MissionProgress, Place};
     use mavlink_link::service::mission::Item;
 
     use super::*;
@@ -282,7 +334,7 @@ mod tests {
         let (compiled, vehicle) = (compiled(commands), at_the_end(Px4Mode::MISSION));
         let mut progress = RouteProgress::default();
         progress.begin(&vehicle);
-        progress.look(&compiled, &vehicle, false);
+        progress.look(&compiled, &vehicle, false, None);
         progress.along(&compiled, &vehicle).from
     }
 
@@ -305,8 +357,8 @@ mod tests {
                 .mission
                 .map(|mission| MissionProgress { state, ..mission });
             // What was reached counts from the next report on.
-            progress.look(&compiled, &vehicle, false);
-            progress.look(&compiled, &vehicle, false);
+            progress.look(&compiled, &vehicle, false, None);
+            progress.look(&compiled, &vehicle, false, None);
             (progress.is_over(&vehicle), progress.stays_at_end(&vehicle))
         };
         let (active, complete) = (
@@ -321,5 +373,92 @@ mod tests {
         assert_eq!(look(Px4Mode::LOITER, active), (true, false));
         // It is flown again.
         assert_eq!(look(Px4Mode::MISSION, active), (false, false));
+    }
+
+    /// At the end of its route, of which the last item is a circle of 100 m.
+    fn with_a_place() -> (CompiledMission, Telemetry) {
+        let mut compiled = compiled(&PATTERN[..1]);
+        compiled.items[0] = Item {
+            frame: 6,
+            command: 16,
+            params: [0.0, 0.0, -100.0, f32::NAN],
+            x: 470_000_000,
+            y: 80_000_000,
+            z: 50.0,
+            ..Item::default()
+        };
+        let home = Place {
+            latitude: 47.0,
+            longitude: 8.0,
+            amsl_m: 400.0,
+        };
+        let vehicle = Telemetry {
+            home: Some(home),
+            ..at_the_end(Px4Mode::LOITER)
+        };
+        (compiled, vehicle)
+    }
+
+    #[test]
+    fn a_hold_that_is_known_to_be_elsewhere_is_not_at_the_end_of_the_route() {
+        let (compiled, mut vehicle) = with_a_place();
+        for (circle_m, north_m, above_m, expected) in [
+            (None, 0.0, 50.0, true),
+            (None, 45.0, 50.0, true),
+            (None, 60.0, 50.0, false),
+            (None, 0.0, 35.0, true),
+            (None, 0.0, 25.0, false),
+            (Some(80.0), 240.0, 50.0, true),
+            (Some(80.0), 260.0, 50.0, false),
+            (Some(300.0), 640.0, 50.0, true),
+        ] {
+            let home = vehicle.home.expect("it has one");
+            vehicle.position = Some(Place {
+                latitude: home.latitude + north_m / 111_195.0,
+                amsl_m: home.amsl_m + above_m,
+                ..home
+            });
+            // This process has seen it reach the end, or begins there.
+            for mut progress in [RouteProgress::ended(&compiled), RouteProgress::default()] {
+                progress.look(&compiled, &vehicle, false, circle_m);
+                let there = progress.stays_at_end(&vehicle);
+                assert_eq!(there, expected, "{circle_m:?} {north_m} {above_m}");
+                // Wherever it holds, the route has ended.
+                assert!(progress.is_over(&vehicle));
+            }
+        }
+        // What is not known proves nothing.
+        vehicle.position = None;
+        let mut progress = RouteProgress::ended(&compiled);
+        progress.look(&compiled, &vehicle, false, None);
+        assert!(progress.stays_at_end(&vehicle));
+    }
+
+    #[test]
+    fn an_end_from_before_a_start_of_the_vsm_lasts_until_the_mission_is_flown_again() {
+        let compiled = compiled(&PATTERN[..1]);
+        let active = |mode, seq| {
+            let mut vehicle = at_the_end(mode);
+            if let Some(mission) = &mut vehicle.mission {
+                (mission.state, mission.seq) = (MissionState::MISSION_STATE_ACTIVE, seq);
+            }
+            vehicle
+        };
+        let look = |progress: &mut RouteProgress, vehicle: &Telemetry| {
+            progress.look(&compiled, vehicle, false, None);
+            assert_eq!(progress.has_ended(), progress.is_over(vehicle));
+            (progress.has_ended(), progress.stays_at_end(vehicle))
+        };
+        // PX4 takes it back in AUTO.LAND.
+        let mut progress = RouteProgress::ended(&compiled);
+        for mode in [Px4Mode::LAND, Px4Mode::LOITER] {
+            assert_eq!(look(&mut progress, &active(mode, 0)), (true, false));
+        }
+        let again = active(Px4Mode::MISSION, 0);
+        assert_eq!(look(&mut progress, &again), (false, false));
+        // Somebody has sent it to another item meanwhile.
+        let mut progress = RouteProgress::ended(&compiled);
+        let elsewhere = active(Px4Mode::LOITER, 1);
+        assert_eq!(look(&mut progress, &elsewhere), (false, false));
     }
 }

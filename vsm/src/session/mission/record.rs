@@ -277,6 +277,9 @@ struct UploadedRecord {
     /// As in the record of a plan.
     #[serde(default)]
     messages: Vec<String>,
+    /// The vehicle has flown it to its end.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    ended: bool,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -383,12 +386,13 @@ mod as_bits {
     }
 }
 
-/// The bytes of an uploaded mission's record.
+/// The bytes of an uploaded mission's record. `ended`: the vehicle has flown it to its end.
 ///
 /// # Errors
 /// A message of its plan cannot be encoded.
 pub(super) fn encode_uploaded(
     uploaded: &UploadedMission,
+    ended: bool,
     vehicle: Id,
 ) -> Result<Vec<u8>, EncodeError> {
     let compiled = &uploaded.compiled;
@@ -401,11 +405,15 @@ pub(super) fn encode_uploaded(
         legs: compiled.order.iter().map(LegRecord::from).collect(),
         curved: compiled.curved,
         messages: encode_messages(uploaded.plan.messages(), Id::NULL, vehicle)?,
+        ended,
     }))
 }
 
-/// The uploaded mission of a record.
-pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMission, RecordError> {
+/// The uploaded mission of a record, and whether the vehicle has flown it to its end.
+pub(super) fn decode_uploaded(
+    bytes: &[u8],
+    vehicle: Id,
+) -> Result<(UploadedMission, bool), RecordError> {
     let record: UploadedRecord = from_json(bytes).map_err(RecordError)?;
     let order: Option<Vec<Leg>> = record.legs.iter().map(LegRecord::leg).collect();
     let order = order.ok_or_else(|| fault("a leg without altitude"))?;
@@ -415,7 +423,7 @@ pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMissi
     }
     let mut plan = Plan::default();
     store_all(&mut plan, &record.messages, vehicle)?;
-    Ok(UploadedMission {
+    let uploaded = UploadedMission {
         plan,
         compiled: CompiledMission {
             items: record.items.into_iter().map(|item| item.0).collect(),
@@ -430,7 +438,8 @@ pub(super) fn decode_uploaded(bytes: &[u8], vehicle: Id) -> Result<UploadedMissi
         mission_id: record.mission_id,
         route_type: RouteType::from_raw(record.route_type),
         mission_name: record.mission_name,
-    })
+    };
+    Ok((uploaded, record.ended))
 }
 
 #[cfg(test)]
@@ -446,11 +455,14 @@ mod tests {
     #[test]
     fn the_record_of_an_uploaded_mission_keeps_its_bytes() {
         let vehicle = Id(0x1b00_0101);
-        let uploaded = decode_uploaded(RECORD.as_bytes(), vehicle).expect("it is read");
+        let (uploaded, ended) = decode_uploaded(RECORD.as_bytes(), vehicle).expect("it is read");
+        assert!(!ended);
         assert!(uploaded.compiled.items[0].params[3].is_nan());
         assert_eq!(uploaded.compiled.order[0].level, Level::AboveHome(20.0));
-        let written = encode_uploaded(&uploaded, vehicle).expect("it is encoded");
+        let written = encode_uploaded(&uploaded, false, vehicle).expect("it is encoded");
         assert_eq!(String::from_utf8_lossy(&written), RECORD);
+        let written = encode_uploaded(&uploaded, true, vehicle).expect("it is encoded");
+        assert!(decode_uploaded(&written, vehicle).expect("it is read").1);
         let without = RECORD.replace("\"above_home_m\":20.0", "\"above_home_m\":null");
         assert!(decode_uploaded(without.as_bytes(), vehicle).is_err());
     }

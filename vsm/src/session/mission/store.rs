@@ -31,6 +31,10 @@ pub(super) struct MissionStore {
     pub(super) unfit: Option<((Id, Option<TimeStamp>), Unfit)>,
     /// The mission that the vehicle carries, as read back from it.
     pub(super) uploaded: Option<UploadedMission>,
+    /// The vehicle has flown it to its end, as its record has it.
+    pub(super) ended: bool,
+    /// That could not be written: when it is tried again.
+    end_due: Option<Duration>,
     /// The route that 13000 loaded.
     pub(super) loaded: Option<UploadedMission>,
 }
@@ -376,19 +380,34 @@ impl MissionStore {
     /// # Errors
     /// One of them is not written.
     pub(super) fn save_uploaded(&self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
-        let vehicle = effects.id;
-        for (kind, route) in [(LOADED, &self.loaded), (UPLOADED, &self.uploaded)] {
-            let name = record_name(kind, vehicle);
-            let encoded = |route| record::encode_uploaded(route, vehicle);
-            let encoded = route.as_ref().map(encoded).transpose();
-            // An empty record means no route: `restore` reads it as absent.
-            let bytes = encoded
-                .map_err(|cause| StoreError::new(&name, cause))?
-                .unwrap_or_default();
-            // Rare enough to be synchronised; the messages of a plan are too many for that.
-            effects.disk().replace(&name, &bytes, Durability::Power)?;
+        save_route(LOADED, self.loaded.as_ref(), false, effects)?;
+        save_route(UPLOADED, self.uploaded.as_ref(), self.ended, effects)
+    }
+
+    /// Stores whether the vehicle has flown its mission to the end, where that has changed. What fails is tried again.
+    pub(super) fn keep_end(&mut self, ended: bool, now: Duration, effects: &mut Effects<'_>) {
+        let waits = self.end_due.is_some_and(|due| now < due);
+        if self.ended == ended || self.uploaded.is_none() || waits {
+            return;
         }
-        Ok(())
+        match save_route(UPLOADED, self.uploaded.as_ref(), ended, effects) {
+            Ok(()) => (self.ended, self.end_due) = (ended, None),
+            Err(fault) => {
+                self.end_due = Some(now + TRY_AGAIN);
+                let what = if ended {
+                    "flown to its end"
+                } else {
+                    "begun again"
+                };
+                effects.warn(
+                    Cause::Store,
+                    format!(
+                        "that the route was {what} cannot be stored: {fault}; after a restart of the VSM mode 11 (waypoint) may begin \
+                         at another waypoint"
+                    ),
+                );
+            }
+        }
     }
 
     /// The vehicle may carry a different mission: no route is flown before the next load.
@@ -409,13 +428,37 @@ impl MissionStore {
         for (kind, route) in [(UPLOADED, &mut self.uploaded), (LOADED, &mut self.loaded)] {
             let bytes = disk.read_whole(&record_name(kind, vehicle), MAX_RECORD_BYTES)?;
             if let Some(bytes) = bytes.filter(|bytes| !bytes.is_empty()) {
-                let read = record::decode_uploaded(&bytes, vehicle)
+                let (read, ended) = record::decode_uploaded(&bytes, vehicle)
                     .map_err(|cause| record_fault(kind, vehicle, cause))?;
                 *route = Some(read);
+                // Only the record of the vehicle's mission has that.
+                self.ended |= ended;
             }
         }
         Ok(())
     }
+}
+
+/// Writes the record of a route, with whether the vehicle has flown it to its end.
+///
+/// # Errors
+/// It is not written.
+fn save_route(
+    kind: &str,
+    route: Option<&UploadedMission>,
+    ended: bool,
+    effects: &mut Effects<'_>,
+) -> Result<(), StoreError> {
+    let vehicle = effects.id;
+    let name = record_name(kind, vehicle);
+    let encoded = route.map(|route| record::encode_uploaded(route, ended, vehicle));
+    // An empty record means no route: `restore` reads it as absent.
+    let bytes = encoded
+        .transpose()
+        .map_err(|cause| StoreError::new(&name, cause))?
+        .unwrap_or_default();
+    // Rare enough to be synchronised; the messages of a plan are too many for that.
+    effects.disk().replace(&name, &bytes, Durability::Power)
 }
 
 fn not_stored(fault: StoreError) -> String {
@@ -428,6 +471,8 @@ const SHOWN: usize = 8;
 /// An upload without further messages for this long is dropped: its operator may have forgotten it, and later messages
 /// without a 13001 would be added to it.
 const STAGED_WITHIN: Duration = Duration::from_secs(5 * 60);
+/// How often it is tried again to store the end of a route.
+const TRY_AGAIN: Duration = Duration::from_secs(1);
 
 // The records' file names. They must not change, since such files exist on disks.
 const LOADED: &str = "chosen";

@@ -433,6 +433,64 @@ fn a_load_that_waited_takes_no_wing_off_its_final_approach() {
 }
 
 #[test]
+fn the_end_of_a_route_is_stored_once_the_disk_takes_it_and_known_after_a_restart() {
+    let (mut world, mut mission) = ready();
+    let items = compiled(&mut world, &mission);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    let id = transferred(&mut world, &mut mission, MISSION, &items);
+    world.vehicle.telemetry.mission = named(id, 0);
+    handle(&mut world, &mut mission, Input::Advance);
+    assert!(mission.uploaded().is_some());
+    let last = u16::try_from(items.len() - 1).expect("a short route");
+    let reports_item = |world: &mut World, mission: &mut Mission, mode, state| {
+        world.show_mode(mode);
+        let progress = named(id, 0).expect("a mission");
+        world.vehicle.telemetry.mission = Some(MissionProgress {
+            seq: last,
+            state,
+            ..progress
+        });
+        // What was reached counts from the next report on.
+        for _ in 0..2 {
+            handle(world, mission, Input::WatchProgress);
+        }
+    };
+    let (flown, landing) = (
+        mapping::mode::Px4Mode::MISSION,
+        mapping::mode::Px4Mode::LAND,
+    );
+    let (active, complete) = (
+        MissionState::MISSION_STATE_ACTIVE,
+        MissionState::MISSION_STATE_COMPLETE,
+    );
+    reports_item(&mut world, &mut mission, flown, active);
+    assert!(!restarted(&mut world).progress.has_ended());
+
+    world.vehicle.telemetry.reached = Some(last);
+    world.fill_disk();
+    reports_item(&mut world, &mut mission, flown, complete);
+    let text = "that the route was flown to its end cannot be stored";
+    let alerts = |world: &World| {
+        let standing = world.alerts.standing();
+        standing.filter(|one| one.text.contains(text)).count()
+    };
+    assert_eq!(alerts(&world), 1);
+    world.disk = Box::new(mavlink_link::store::MemoryDisk::default());
+    reports_item(&mut world, &mut mission, flown, complete);
+    assert!(!restarted(&mut world).store.ended, "not at each report");
+    world.advance(SECOND);
+    reports_item(&mut world, &mut mission, landing, active);
+    let mut after = restarted(&mut world);
+    reports_item(&mut world, &mut after, landing, active);
+    assert!(after.progress.is_over(&world.vehicle.telemetry));
+
+    // It is flown again.
+    reports_item(&mut world, &mut after, flown, active);
+    assert!(!after.progress.is_over(&world.vehicle.telemetry));
+    assert!(!restarted(&mut world).progress.has_ended());
+}
+
+#[test]
 fn a_returned_vehicle_with_another_mission_is_sent_the_loaded_one_again() {
     let (mut world, mut mission) = ready();
     let items = compiled(&mut world, &mission);

@@ -331,7 +331,7 @@ const BANKING_ROOM_M: f64 = 100.0;
 /// A position may jump for a moment, s.
 const BEYOND_FOR_S: f64 = 5.0;
 /// At a hover, m.
-const HOVER_NEAR_M: f64 = 50.0;
+pub(super) const HOVER_NEAR_M: f64 = 50.0;
 /// At a circle of the vehicle's own radius (NAV_LOITER_RAD, 80 m), m.
 const CIRCLE_NEAR_M: f64 = 300.0;
 /// Length of the turns before a stay counts, in radii.

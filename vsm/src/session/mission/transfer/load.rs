@@ -301,6 +301,7 @@ impl Transfers {
             store.loaded = Some(uploaded.clone());
         }
         store.uploaded = Some(uploaded);
+        store.ended = progress.has_ended();
         // A route that is answered as loaded, and its plan, must still be known after a crash.
         let cucs = load.origin.map(|origin| cucs_of(context, &origin));
         let saved = store.save_uploaded(effects).and_then(|()| {
