@@ -945,11 +945,48 @@ fn a_landing_is_broken_off_once_the_vehicle_reports_it_and_not_where_it_refuses(
     }
 }
 
+/// EXTENDED_SYS_STATE comes once a second: what it has not reported yet is not on the ground.
+#[test]
+fn just_after_a_start_a_landing_is_broken_off_too_and_none_begins_where_the_wing_is() {
+    for (landed, armed, warns) in [
+        (None, true, true),
+        (None, false, false),
+        (
+            Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND),
+            true,
+            false,
+        ),
+    ] {
+        let begun = || {
+            let (mut world, flight) = on_final();
+            let telemetry = &mut world.vehicle.telemetry;
+            (telemetry.landed, telemetry.armed) = (landed, Some(armed));
+            (world, flight)
+        };
+        let (mut world, mut flight) = begun();
+        handle(&mut world, &mut flight, Input::Hold);
+        handle(&mut world, &mut flight, Input::Advance);
+        world.show_mode(Px4Mode::LOITER);
+        handle(&mut world, &mut flight, Input::ModeChanged);
+        handle(&mut world, &mut flight, Input::Advance);
+        let text = broken_off(&mut world);
+        assert_eq!(text.is_some(), warns, "{landed:?} {armed} {text:?}");
+        // A hold may be in the air, too.
+        let (mut world, mut flight) = begun();
+        world.show_mode(Px4Mode::LOITER);
+        command(&mut world, &mut flight, select(Mode::AutolandEngage));
+        let modes = world.commanded_modes();
+        let expected = landed.map(|_| Px4Mode::LAND);
+        assert_eq!(modes, Vec::from_iter(expected), "{landed:?}");
+    }
+}
+
 #[test]
 fn a_landing_that_another_has_taken_or_that_ends_is_not_broken_off() {
-    let shown: [fn(&mut World); 3] = [
+    let shown: [fn(&mut World); 4] = [
         |world| world.show_mode(Px4Mode::POSCTL),
         |world| world.vehicle.telemetry.landed = Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND),
+        |world| world.vehicle.telemetry.armed = Some(false),
         // Of a silent vehicle the item is not known for a second.
         |world| world.vehicle.telemetry.mission = None,
     ];

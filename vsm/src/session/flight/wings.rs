@@ -102,6 +102,12 @@ fn check_transition(wings: &Wings, at: &Situation<'_>) -> Result<(), String> {
 pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     let approach = has(RouteType::Approach, at);
     let here = || Ok(Some(plain(&[Px4Mode::LAND], at)));
+    // Just after a start: a wing in the air would be brought down where it is.
+    if at.wings.is_some() && !at.telemetry.airborne() && !at.telemetry.stands() {
+        return Err(
+            "mode 19 (land): the vehicle has not reported yet whether it is on the ground: command it again in a second".to_owned(),
+        );
+    }
     if !at.telemetry.airborne() {
         return here();
     }
@@ -232,7 +238,7 @@ impl BreakOff {
         mission: &MissionView<'_>,
     ) -> Option<BreakOff> {
         let leaves = maneuver.leaves_its_item() && !maneuver.goes_around();
-        if !leaves || !telemetry.airborne() || !mission.is_on_final(telemetry) {
+        if !leaves || is_down(telemetry) || !mission.is_on_final(telemetry) {
             return None;
         }
         // A place without an altitude is flown to at the present one.
@@ -276,7 +282,7 @@ impl BreakOff {
         let Some(mode) = vehicle.settled_mode() else {
             return Shown::NotYet;
         };
-        if !telemetry.airborne() {
+        if is_down(telemetry) {
             return Shown::Otherwise;
         }
         // Within AUTO.MISSION it leaves by another item, which is not known for a second after a silence.
@@ -300,6 +306,11 @@ impl BreakOff {
             mode.name()
         ))
     }
+}
+
+/// Whether it is known to have landed: just after a start nothing of that is reported yet, which is no landing.
+fn is_down(telemetry: &Telemetry) -> bool {
+    telemetry.stands() || telemetry.armed == Some(false)
 }
 
 /// Mode 21: the steps, and their commanded values.
