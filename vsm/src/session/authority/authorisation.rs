@@ -207,11 +207,12 @@ impl AuthorityMachine {
         match answer {
             Answer::Granted => AckType::CarriedOut,
             Answer::Waits => {
-                if !self.record.wait(asker, *origin) {
+                if let Some(oldest) = self.record.wait(asker, *origin) {
+                    let counters = &mut effects.dli.counters;
+                    counters.count("too many requests wait for a decision");
+                    // It was acknowledged as received, and the decision will not answer it.
                     effects
-                        .dli
-                        .counters
-                        .count("too many requests wait for a decision");
+                        .refuse_unprivileged(&oldest, "later requests wait for the same decision");
                 }
                 AckType::Received
             }

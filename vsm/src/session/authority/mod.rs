@@ -269,7 +269,7 @@ impl AuthorityMachine {
         let mut pending = self.rights.pending().iter();
         let waits = pending.any(|handover| handover.to == id || handover.from == Some(id));
         // Where there is no place it is answered now, as what does not continue.
-        waits && self.record.has_place(id) && self.record.wait(id, origin)
+        waits && self.record.has_place(id) && self.record.wait(id, origin).is_none()
     }
 
     /// The rights.

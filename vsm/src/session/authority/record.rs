@@ -68,18 +68,17 @@ impl AuthorityRecord {
         self.since.get(&id).copied()
     }
 
-    /// Keeps a message to answer it once its request is decided. Returns false where the oldest message of its station had to make
-    /// room: a station that repeats its request with new stamps looks for the answer to the latest.
+    /// Keeps a message to answer it once its request is decided. Returns the oldest message of its station where that had to make
+    /// room, to be answered now: a station that repeats its request with new stamps looks for the answer to the latest.
     #[must_use]
-    pub(super) fn wait(&mut self, asker: Id, origin: Origin) -> bool {
+    pub(super) fn wait(&mut self, asker: Id, origin: Origin) -> Option<Origin> {
         self.waiting.retain(|(_, known)| *known != origin);
-        let fits = self.has_place(asker);
-        let oldest = self.waiting.iter().position(|(of, _)| *of == asker);
-        if let Some(oldest) = oldest.filter(|_| !fits) {
-            self.waiting.remove(oldest);
-        }
+        let oldest = (self.waiting.iter())
+            .position(|(of, _)| *of == asker)
+            .filter(|_| !self.has_place(asker));
+        let oldest = oldest.map(|at| self.waiting.remove(at).1);
         self.waiting.push((asker, origin));
-        fits
+        oldest
     }
 
     /// Whether another message of a station can wait for its decision. The limit is per station, so that no station can prevent
@@ -667,13 +666,14 @@ mod tests {
             ..origin(&request)
         };
         let other = Id(CUCS.0 + 1);
-        assert!(record.wait(other, of(1_000)));
+        assert_eq!(record.wait(other, of(1_000)), None);
         let full = MAX_WAITING as u64;
         for stamp in 0..full + 2 {
-            assert_eq!(record.wait(CUCS, of(stamp)), stamp < full, "{stamp}");
+            let oldest = stamp.checked_sub(full).map(of);
+            assert_eq!(record.wait(CUCS, of(stamp)), oldest, "{stamp}");
         }
         // The same message again takes no place.
-        assert!(record.wait(CUCS, of(full)));
+        assert_eq!(record.wait(CUCS, of(full)), None);
         assert!(record.has_place(other) && !record.has_place(CUCS));
         let waits = |stamp| record.waiting.iter().any(|(_, one)| *one == of(stamp));
         assert!(!waits(0) && !waits(1));

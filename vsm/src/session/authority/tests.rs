@@ -1,6 +1,7 @@
 //! The machine without the others: what stations ask for, the disk and the time are played by the test.
 
 use mavlink_link::store::MemoryDisk;
+use stanag_msgs::TimeStamp;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use stanag_msgs::messages::{
     EngineCommand, ParameterRequest, UaRoute, VehicleOperatingModeCommand,
@@ -406,6 +407,64 @@ fn a_handover_passes_the_wish_on_and_answers_both_once_the_holder_consents() {
         world.requests.pop_front(),
         Some(Request::ControlChanged)
     ));
+}
+
+#[test]
+fn of_many_requests_that_wait_each_is_answered_in_the_end() {
+    let (mut world, mut machine) = start();
+    request(&mut world, &mut machine, 0, LOI4_5);
+    let wish = PositiveHandoverAuthorisationRequest {
+        requested_handover_loi: Some(LOI4_5),
+        ..PositiveHandoverAuthorisationRequest::default()
+    };
+    let mut hand_over = |world: &mut World, station: usize, acquirer: Option<Id>, stamp: u64| {
+        let request = PositiveHandoverAuthorisationRequest {
+            requesting_cucs_id: acquirer,
+            ..wish.clone()
+        };
+        let origin = Origin {
+            station,
+            stamp: Some(TimeStamp(stamp)),
+            ..origin(&request.clone().into())
+        };
+        let input = Input::HandOver {
+            origin: &origin,
+            request: &request,
+        };
+        handle(world, &mut machine, input)
+    };
+    // The stamps of what was refused and carried out, and whether a reason was sent.
+    let outcomes = |messages: &[Message]| {
+        let (mut refused, mut done, mut named) = (Vec::new(), Vec::new(), false);
+        for message in messages {
+            match message {
+                Message::MessageAcknowledgement(ack) => {
+                    let stamp = ack.original_message_time_stamp.expect("a stamp").0;
+                    match ack.acknowledgement_type {
+                        Some(AckType::Refused) => refused.push(stamp),
+                        Some(AckType::CarriedOut) => done.push(stamp),
+                        other => panic!("{other:?}"),
+                    }
+                }
+                Message::SubsystemStatusAlert(alert) => {
+                    let text = alert.text.as_ref().map_or("", |text| text.as_str());
+                    named |= text.contains("later requests wait for the same decision");
+                }
+                _ => {}
+            }
+        }
+        (refused, done, named)
+    };
+    world.sent_to(1);
+    for stamp in 1..=18 {
+        let answer = hand_over(&mut world, 1, None, stamp);
+        assert_eq!(answer, AckType::Received, "{stamp}");
+    }
+    assert_eq!(outcomes(&world.sent_to(1)), (vec![1, 2], vec![], true));
+    let consented = hand_over(&mut world, 0, Some(SECOND), 100);
+    assert_eq!(consented, AckType::CarriedOut);
+    let (refused, done, _) = outcomes(&world.sent_to(1));
+    assert_eq!((refused, done), (vec![], (3..=18).collect()));
 }
 
 #[test]
