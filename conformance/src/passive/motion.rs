@@ -699,16 +699,16 @@ mod tests {
     /// fields inverted, and with noise of this strength.
     fn flight(every_ms: u64, inverted: &[&str], noise: f64) -> Vec<Datagram> {
         flight_of(Id(0x1b00_0101), every_ms, noise, |name| {
-            if inverted.contains(&name) { -1.0 } else { 1.0 }
+            Some(if inverted.contains(&name) { -1.0 } else { 1.0 })
         })
     }
 
-    /// The same of this vehicle; what is reported of a field is so many times its value.
+    /// The same of this vehicle; what is reported of a field is so many times its value, or nothing.
     fn flight_of(
         vehicle: Id,
         every_ms: u64,
         noise: f64,
-        factor: impl Fn(&str) -> f64,
+        factor: impl Fn(&str) -> Option<f64>,
     ) -> Vec<Datagram> {
         let mut gusts = Gusts(7);
         let (mut pace, mut up, mut altitude): (f64, f64, f64) = (0.0, 0.0, 500.0);
@@ -768,7 +768,9 @@ mod tests {
                 ("Turn Rate", turn, 0.3),
             ] {
                 let value = value + gust * noise * gusts.draw();
-                draft = draft.set(name, factor(name) * value);
+                if let Some(factor) = factor(name) {
+                    draft = draft.set(name, factor * value);
+                }
             }
             datagrams.push(received(at_ms, draft));
         }
@@ -801,7 +803,7 @@ mod tests {
     #[test]
     fn a_vehicle_does_not_make_up_for_another() {
         let mut both = flight(100, &[], 0.0);
-        let turns_back = |name: &str| if name == "Turn Rate" { -1.0 } else { 1.0 };
+        let turns_back = |name: &str| Some(if name == "Turn Rate" { -1.0 } else { 1.0 });
         both.extend(flight_of(Id(0x1b00_0102), 100, 0.0, turns_back));
         assert_eq!(rates(&both), Verdict::Fail);
     }
@@ -809,8 +811,20 @@ mod tests {
     /// A flight in which one field is so many times what it should be.
     fn scaled(name: &str, factor: f64) -> Vec<Datagram> {
         flight_of(Id(0x1b00_0101), 100, 0.0, |field| {
-            if field == name { factor } else { 1.0 }
+            Some(if field == name { factor } else { 1.0 })
         })
+    }
+
+    #[test]
+    fn a_rate_that_is_absent_accuses_nobody() {
+        let of = |kept: &[&str]| {
+            flight_of(Id(0x1b00_0101), 100, 0.0, |name| {
+                let is_rate = RATES.iter().any(|one| one.rate == name);
+                (!is_rate || kept.contains(&name)).then_some(1.0)
+            })
+        };
+        assert_eq!(rates(&of(&[])), Verdict::Inconclusive);
+        assert_eq!(rates(&of(&["Turn Rate"])), Verdict::Pass);
     }
 
     #[test]

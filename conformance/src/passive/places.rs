@@ -115,14 +115,18 @@ struct Altitudes {
     last: Option<(Arc<Seen>, f64, f64)>,
 }
 
-/// Fields with an altitude, and with its type.
-fn altitude_of(seen: &Seen) -> Option<(f64, i64)> {
-    let (altitude, kind) = match seen.kind() {
-        13_002 => ("Waypoint to Altitude", "Waypoint Altitude Type"),
-        2016 => ("Commanded Altitude", "Altitude Type"),
+/// An altitude, its type, and the waypoint that has it.
+fn altitude_of(seen: &Seen) -> Option<(f64, i64, Option<i64>)> {
+    let (altitude, kind, waypoint) = match seen.kind() {
+        13_002 => (
+            "Waypoint to Altitude",
+            "Waypoint Altitude Type",
+            seen.raw("Waypoint Number"),
+        ),
+        2016 => ("Commanded Altitude", "Altitude Type", None),
         _ => return None,
     };
-    Some((seen.value(altitude)?, seen.raw(kind)?))
+    Some((seen.value(altitude)?, seen.raw(kind)?, waypoint))
 }
 
 /// Altitudes that are the vehicle's own times 3.28, or divided by it, and none that is the vehicle's: they are in feet, or
@@ -140,11 +144,17 @@ fn altitudes_are_metres(view: &View<'_>, found: &mut Found) {
             }
             continue;
         }
-        let (Some((at, reference)), Some((altitude, kind))) = (vehicle, altitude_of(seen)) else {
+        let (Some((at, reference)), Some((altitude, kind, waypoint))) =
+            (vehicle, altitude_of(seen))
+        else {
             continue;
         };
-        // A repetition in the same bytes is no further altitude.
-        if kind != reference || at < LOWEST_M || !known.insert(&seen.piece.bytes) {
+        if kind != reference || at < LOWEST_M {
+            continue;
+        }
+        // The same altitude again is no further one, whatever the stamp: the operator has entered it once.
+        let of = (seen.kind(), seen.piece.destination.0, waypoint);
+        if !known.insert((of, altitude.to_bits())) {
             continue;
         }
         let altitudes = kinds.entry(seen.kind()).or_default();
@@ -244,7 +254,12 @@ mod tests {
     }
 
     fn waypoint(at_ms: u64, altitude: f64, kind: i64) -> Datagram {
+        numbered(at_ms, at_ms as i64, altitude, kind)
+    }
+
+    fn numbered(at_ms: u64, number: i64, altitude: f64, kind: i64) -> Datagram {
         let draft = Draft::new(13_002)
+            .raw("Waypoint Number", number)
             .set("Waypoint to Altitude", altitude)
             .raw("Waypoint Altitude Type", kind);
         of_cucs(at_ms, draft)
@@ -274,6 +289,33 @@ mod tests {
         // Above the ellipsoid the same height has another number.
         assert_eq!(altitudes(&[393.7, 393.7], 3), Verdict::Inconclusive);
         assert_eq!(altitudes(&[], 1), Verdict::Inconclusive);
+    }
+
+    #[test]
+    fn a_waypoint_that_is_sent_again_is_no_further_altitude() {
+        // The stamps differ.
+        let again = |altitudes: [f64; 3], number: fn(i64) -> i64| {
+            let mut run = vec![vehicle()];
+            for (at, altitude) in (1..).zip(altitudes) {
+                run.push(numbered(at as u64, number(at), altitude, 1));
+            }
+            verdict_on(&run, altitudes_are_metres)
+        };
+        for (altitude, once, several) in [
+            (120.0, Verdict::Inconclusive, Verdict::Pass),
+            (393.7, Verdict::Warning, Verdict::Fail),
+        ] {
+            assert_eq!(again([altitude; 3], |_| 7), once, "{altitude}");
+            // A route at one altitude.
+            assert_eq!(again([altitude; 3], |at| at), several, "{altitude}");
+            // The operator has entered another.
+            let other = altitude + 1.0;
+            assert_eq!(
+                again([altitude, other, other], |_| 7),
+                several,
+                "{altitude}"
+            );
+        }
     }
 
     /// A 2016 with these altitudes, each sent twice in the same bytes, beside a route at other altitudes.

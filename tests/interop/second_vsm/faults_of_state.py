@@ -52,20 +52,25 @@ for _id, _title, _message, _alter in REPORTS:
     fault(_id, _title)(lambda vsm, message=_message, alter=_alter: change_reports(vsm, message, alter))
 
 
-@fault("ROUTE-024n3", "of a load that takes 25 s the beginning is reported, with 0 %, and the end")
+@fault("ROUTE-024n3", "of a load that takes 25 s the beginning and the second half are reported once each, with 0 %, and the end")
 def _(vsm):
     for vehicle in vsm.vehicles:
         mission = vehicle.mission
+        late = []
 
-        def load(*args, m=mission, lawful=mission.load):
+        def load(*args, m=mission, lawful=mission.load, late=late):
+            late.clear()
             problem = lawful(*args)
             if m.transfer:
                 m.transfer.takes = 25.0
             return problem
 
-        def status(cucs, status, percent, *rest, lawful=mission.status):
-            if status != IN_PROGRESS or percent == 0:
+        def status(cucs, status, percent, *rest, lawful=mission.status, late=late):
+            if status != IN_PROGRESS:
                 lawful(cucs, status, percent, *rest)
+            elif percent == 0 or (percent >= 60 and not late):
+                late.extend([True] if percent else [])
+                lawful(cucs, status, 0, *rest)
         mission.load, mission.status = load, status
 
 
