@@ -327,7 +327,8 @@ pub(super) struct Trail {
     bytes: usize,
     /// Its last changes are not in effect, and no line records that yet.
     retracts: bool,
-    /// What holds though its line could not be written, and since when (since 1970).
+    /// What holds though its line could not be written, and since when (since 1970). In memory alone: what a full disk lets be
+    /// written over in its place are the records of a few digits that a link lives by, and nothing else may wait in their way.
     owed: VecDeque<(Duration, Entry)>,
 }
 

@@ -297,6 +297,8 @@ impl SharedFiles {
 impl SharedFiles {
     /// Refuses a file that no start would read: a part of it would be a record that is damaged. Of an audit log the beginning is
     /// read, whatever follows.
+    ///
+    /// Whatever its name: one that is left out would be deleted by the next start, as all that [`is_stored`] and etcd lacks.
     fn check_length(&self, name: &str) -> io::Result<()> {
         let (length, most) = (
             fs::symlink_metadata(self.folder.join(name))?.len(),
@@ -412,6 +414,7 @@ impl FileSystem for SharedFiles {
 }
 
 /// Whether a file of the folder is stored in etcd: not locks, sockets, this node's own mark, or files still being written.
+/// Everything else is, whoever has put it there: a start has the folder equal etcd, and deletes the rest.
 pub(super) fn is_stored(name: &str) -> bool {
     let of_this_node = ["lock", FLEET_EPOCH, ERASE_ORDER, "zeroized"].contains(&name)
         // The keys of guards paired here are written by the pairing process, not through this file system.

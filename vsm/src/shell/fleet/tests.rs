@@ -330,6 +330,8 @@ fn a_log_of_gigabytes_costs_etcd_and_the_other_files_nothing_and_its_next_line_i
             && fault.contains("Move it away"),
         "{fault}"
     );
+    // Nor is it left out: the next start would delete it.
+    assert!(dir.join("core").exists());
 }
 
 #[test]
