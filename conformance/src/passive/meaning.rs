@@ -360,7 +360,7 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
 
 /// Reports in progress that show whether the percentage rises: a subject may report the beginning twice.
 const RISING_BY: usize = 3;
-/// A transfer that took longer has to report progress: who waits for it takes it for stuck. How often is nowhere said.
+/// A transfer that took longer has to report progress: who waits for it takes it for stuck. How often is nowhere specified.
 const LONG: Duration = Duration::from_secs(20);
 /// A transfer without an end that reports one percentage for longer makes no progress.
 const STUCK: Duration = Duration::from_secs(30);

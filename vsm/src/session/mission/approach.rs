@@ -3,6 +3,11 @@
 //! Both judge a vehicle by the time since it last made progress. What progress is, and how long is too long, each knows by
 //! itself ([`Leg`]); when an approach begins and how its time counts is the same.
 
+use mapping::altitude::Level;
+use mapping::limits::metres;
+use mapping::telemetry::Telemetry;
+use mavlink_link::service::mission::Item;
+
 /// The state of the vehicle at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Moment {
@@ -108,10 +113,27 @@ impl Away {
     }
 }
 
+/// The vehicle's distance to the place of an item; `None` while its own place is not known.
+pub(super) fn away_from(telemetry: &Telemetry, item: &Item) -> Option<Away> {
+    let here = telemetry.position?;
+    let amsl_m = match Level::of_frame(item.frame, item.z.into()) {
+        Some(Level::AboveHome(m)) => telemetry.home?.amsl_m + m,
+        Some(Level::Amsl(m)) => m,
+        None => f64::from(item.z),
+    };
+    let place = (f64::from(item.x) / 1e7, f64::from(item.y) / 1e7);
+    Some(Away {
+        ground_m: metres((here.latitude, here.longitude), place),
+        height_m: (amsl_m - here.amsl_m).abs(),
+    })
+}
+
 /// Minimum progress: a hovering vehicle moves by as much, m.
 pub(super) const STEP_M: f64 = 1.0;
 /// MISSION_CURRENT arrives each second and on change, s.
 pub(super) const FRESH_S: f64 = 3.0;
+/// At a hover, m.
+pub(super) const HOVER_NEAR_M: f64 = 50.0;
 
 #[cfg(test)]
 mod tests {

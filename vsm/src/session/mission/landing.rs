@@ -19,10 +19,10 @@ use std::f64::consts::TAU;
 use mapping::altitude::Level;
 use mavlink_link::service::mission::Item;
 
-use super::approach::{Approach, Away, Leg, Moment};
+use super::approach::{Approach, Away, Leg, Moment, away_from};
 use super::input::Context;
 use super::record::UploadedMission;
-use super::watchdog::{NAV_LOITER_TIME, NAV_LOITER_UNLIM, TURN_S, away_from, flown, seconds};
+use super::watchdog::{NAV_LOITER_TIME, NAV_LOITER_UNLIM, TURN_S, flown, seconds};
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
 

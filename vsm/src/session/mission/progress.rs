@@ -15,7 +15,7 @@ use mapping::route::CompiledMission;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MissionState;
 
-use super::watchdog::{HOVER_NEAR_M, away_from};
+use super::approach::{HOVER_NEAR_M, away_from};
 
 /// The machine. Legs are indices of [`CompiledMission::order`].
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -12,15 +12,12 @@
 //! that simulations faster or slower than real time work too. The watchdog only decides with a MISSION_CURRENT that confirms
 //! the current item: a lost message must not make a passed waypoint a missed one.
 
-use mapping::altitude::Level;
-use mapping::limits::metres;
 use mapping::mode::Px4Mode;
 use mapping::route::CompiledMission;
-use mapping::telemetry::{MissionProgress, Telemetry};
+use mapping::telemetry::MissionProgress;
 use mavlink_link::dialect::{MavType, MissionState};
-use mavlink_link::service::mission::Item;
 
-use super::approach::{Approach, Away, Leg, Moment, STEP_M};
+use super::approach::{Approach, Away, HOVER_NEAR_M, Leg, Moment, STEP_M, away_from};
 use super::input::Context;
 use super::record::UploadedMission;
 use crate::session::alerts::Cause;
@@ -280,21 +277,6 @@ fn sample(context: &Context<'_>, uploaded: Option<&UploadedMission>) -> Option<S
     })
 }
 
-/// The vehicle's distance to the place of an item; `None` while its own place is not known.
-pub(super) fn away_from(telemetry: &Telemetry, item: &Item) -> Option<Away> {
-    let here = telemetry.position?;
-    let amsl_m = match Level::of_frame(item.frame, item.z.into()) {
-        Some(Level::AboveHome(m)) => telemetry.home?.amsl_m + m,
-        Some(Level::Amsl(m)) => m,
-        None => f64::from(item.z),
-    };
-    let place = (f64::from(item.x) / 1e7, f64::from(item.y) / 1e7);
-    Some(Away {
-        ground_m: metres((here.latitude, here.longitude), place),
-        height_m: (amsl_m - here.amsl_m).abs(),
-    })
-}
-
 /// Whether a vehicle that reports this item waits at the end of its route for its landing, or lands. Accepts any number.
 fn waits_or_lands(compiled: &CompiledMission, seq: u16) -> bool {
     let start = compiled.landing_start();
@@ -330,8 +312,6 @@ const HOVERING_ROOM_M: f64 = 20.0;
 const BANKING_ROOM_M: f64 = 100.0;
 /// A position may jump for a moment, s.
 const BEYOND_FOR_S: f64 = 5.0;
-/// At a hover, m.
-pub(super) const HOVER_NEAR_M: f64 = 50.0;
 /// At a circle of the vehicle's own radius (NAV_LOITER_RAD, 80 m), m.
 const CIRCLE_NEAR_M: f64 = 300.0;
 /// Length of the turns before a stay counts, in radii.
@@ -348,6 +328,8 @@ const DO_CHANGE_SPEED: u16 = 178;
 
 #[cfg(test)]
 mod tests {
+    use mavlink_link::service::mission::Item;
+
     use super::*;
 
     #[test]
