@@ -56,6 +56,7 @@ impl RouteProgress {
     /// After a start of this VSM: the route was flown to its end before.
     pub(super) fn ended(compiled: &CompiledMission) -> RouteProgress {
         RouteProgress {
+            begun: true,
             // Its current item then: another one is reported if it was sent on meanwhile.
             to: compiled.order.len().checked_sub(1),
             // Whether it has only held since is for its position to show.
