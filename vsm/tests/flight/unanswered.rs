@@ -14,6 +14,7 @@ const PING: u32 = 4;
 const COMMAND_INT: u32 = 75;
 const COMMAND_LONG: u32 = 76;
 const COMMAND_ACK: u32 = 77;
+const POSITION_TARGET_GLOBAL_INT: u32 = 87;
 const TIMESYNC: u32 = 111;
 const MISSION_CURRENT: u32 = 42;
 
@@ -70,6 +71,31 @@ fn a_command_that_does_not_arrive_is_refused_in_the_mode_that_it_would_lead_to()
         ),
         "{alerts:?}"
     );
+}
+
+/// The vehicle has taken the command, and then the link is cut.
+#[test]
+fn a_refusal_that_nothing_of_the_vehicle_shows_says_that_the_command_may_have_been_carried_out() {
+    let target = POSITION_TARGET_GLOBAL_INT;
+    for lost in [vec![COMMAND_ACK, target], vec![target]] {
+        let mut rig = Rig::ready();
+        rig.take_off(20.0);
+        rig.done(orders::mode(Mode::Loiter));
+        rig.lost = lost;
+        rig.arrived.clear();
+        let ticket = rig.send(hold_at(40.0));
+        assert!(rig.until(5.0, |rig| rig.arrived.contains_key(&COMMAND_INT)));
+        rig.run(0.5);
+        rig.mav.faults.loss = 1.0;
+        assert_eq!(rig.end(ticket), Some(AckType::Refused));
+        rig.mav.faults.loss = 0.0;
+        let alerts = rig.station().alerts().join(" ");
+        assert!(alerts.contains("may have been carried out"), "{alerts}");
+        assert!(
+            rig.until(60.0, |rig| rig.truth().position.d < -25.0),
+            "it flies it"
+        );
+    }
 }
 
 #[test]

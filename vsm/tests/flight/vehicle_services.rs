@@ -109,7 +109,7 @@ fn a_write_is_carried_out_once_the_vehicle_reports_the_value() {
     refused(
         &mut rig,
         write("MPC_XY_CRUISE", 6.0),
-        "the vehicle does not answer",
+        "the vehicle does not answer: it may have been carried out",
     );
 }
 

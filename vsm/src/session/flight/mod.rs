@@ -342,8 +342,9 @@ impl Flight {
                 }
             }
             Input::MissionServiceEnded(event) => {
+                let (now, vehicle) = (context.mono(), context.vehicle);
                 if let Some((origin, maneuver)) = &mut self.maneuver
-                    && let Progress::Refused(why) = maneuver.handle_mission(event)
+                    && let Progress::Refused(why) = maneuver.handle_mission(now, event, vehicle)
                 {
                     let origin = *origin;
                     // It stays on its item; PX4 may break its landing off by itself.

@@ -149,10 +149,18 @@ impl VehicleState {
         kind.map_or(0, |kind: MavType| kind as u16)
     }
 
-    /// The vehicle's recent STATUSTEXT warning, to be appended to a refusal.
-    pub(crate) fn latest_complaint(&self, now: Duration) -> Option<String> {
+    /// The vehicle's STATUSTEXT warning, to be appended to the refusal of what was begun at `since`: the last one after that, or
+    /// a recent one.
+    pub(crate) fn latest_complaint(&self, now: Duration, since: Duration) -> Option<String> {
         let (at, text) = self.complaint.as_ref()?;
-        (now.saturating_sub(*at) < COMPLAINT_LIFE).then(|| format!(" ({text})"))
+        let is_recent = now.saturating_sub(*at) < COMPLAINT_LIFE;
+        (is_recent || *at >= since).then(|| format!(" ({text})"))
+    }
+
+    /// Makes it complain, without a link.
+    #[cfg(test)]
+    pub(crate) fn complain(&mut self, now: Duration, text: &str) {
+        self.complaint = Some((now, text.to_owned()));
     }
 }
 
@@ -166,5 +174,5 @@ pub(crate) const SILENCE: Duration = Duration::from_millis(3_500);
 const NO_HEARTBEAT: Duration = Duration::from_secs(10);
 /// The bridge knows the vehicle still after it did not run for this long.
 const MAX_STOP: Duration = Duration::from_secs(60);
-/// A warning is taken as the reason of a refusal that follows within this time.
+/// A warning is taken as the reason of a refusal that follows within this time, although what is refused began after it.
 const COMPLAINT_LIFE: Duration = Duration::from_secs(3);

@@ -49,6 +49,8 @@ pub(crate) struct Maneuver {
     armed_by_us: bool,
     /// The command that had no answer although the vehicle may show its effect; its name and attempts.
     unanswered: Option<(&'static str, u8)>,
+    /// When the command in front, or the last one, was first sent.
+    commanded_at: Option<Duration>,
 }
 
 /// The mode in which the next command of a maneuver is sent.
@@ -119,6 +121,7 @@ impl Maneuver {
             undo: None,
             armed_by_us: false,
             unanswered: None,
+            commanded_at: None,
         }
     }
 
@@ -247,7 +250,7 @@ impl Maneuver {
             }
             Outcome::Answered { result, .. } => {
                 // PX4 sends the reason separately, by STATUSTEXT.
-                let why = vehicle.latest_complaint(now).unwrap_or_default();
+                let why = self.complaint(now, vehicle);
                 Progress::Refused(format!(
                     "{what}: the vehicle answered: {}{why}",
                     name(result)
@@ -261,13 +264,20 @@ impl Maneuver {
                 self.next();
                 Progress::Going
             }
-            Outcome::NoAnswer { tries } => Progress::Refused(no_answer(what, tries)),
+            Outcome::NoAnswer { tries } => {
+                Progress::Refused(format!("{}: {MAY_BE_DONE}", no_answer(what, tries)))
+            }
             Outcome::Withdrawn => Progress::Refused(format!("{what}: withdrawn")),
         }
     }
 
     /// The end of a mission operation.
-    pub(crate) fn handle_mission(&mut self, event: &mission::Event) -> Progress {
+    pub(crate) fn handle_mission(
+        &mut self,
+        now: Duration,
+        event: &mission::Event,
+        vehicle: &VehicleState,
+    ) -> Progress {
         let (Waiting::Current, Some(Step::SetCurrent(items))) = (&self.waiting, self.steps.front())
         else {
             return Progress::Going;
@@ -283,8 +293,10 @@ impl Maneuver {
                 operation: mission::Operation::SetCurrent,
                 ..
             } => Progress::Refused(format!(
-                "the vehicle does not go to mission item {}",
-                items.end()
+                "the vehicle does not show that it goes to mission item {}{}{}",
+                items.end(),
+                self.complaint(now, vehicle),
+                unknown(vehicle)
             )),
             _ => Progress::Going,
         }
@@ -323,6 +335,7 @@ impl Maneuver {
                     },
                 ) => {
                     let patient_until = now + *patience;
+                    self.commanded_at = Some(now);
                     // The steps since the unanswered command have been confirmed, so it no longer explains a failure.
                     self.unanswered = None;
                     // The vehicle may leave its present mode from here on, and that is not a pilot's doing.
@@ -345,6 +358,7 @@ impl Maneuver {
                     }
                 }
                 (Waiting::Nothing, Step::SetCurrent(items)) => {
+                    self.commanded_at = Some(now);
                     match services.missions.set_current(now, items.clone()) {
                         Ok(()) => self.waiting = Waiting::Current,
                         Err(busy) => {
@@ -394,14 +408,15 @@ impl Maneuver {
                     if confirmation.is_seen(vehicle) {
                         self.confirmed();
                     } else if *deadline <= now {
-                        let why = vehicle.latest_complaint(now).unwrap_or_default();
+                        let why = self.complaint(now, vehicle);
                         let unanswered =
                             self.unanswered.map(|(what, tries)| no_answer(what, tries));
                         let unanswered = unanswered.map(|text| format!("{text}, and "));
                         return Progress::Refused(format!(
-                            "{}the vehicle does not show {}{why}",
+                            "{}the vehicle does not show {}{why}{}",
                             unanswered.unwrap_or_default(),
-                            confirmation.awaited(vehicle)
+                            confirmation.awaited(vehicle),
+                            unknown(vehicle)
                         ));
                     } else {
                         return Progress::Going;
@@ -493,6 +508,13 @@ impl Maneuver {
         self.next();
     }
 
+    /// What the vehicle has complained about since the command, to be appended to a refusal: PX4 sends its reason at once, and
+    /// what is awaited may be given up only seconds later.
+    fn complaint(&self, now: Duration, vehicle: &VehicleState) -> String {
+        let since = self.commanded_at.unwrap_or(now);
+        vehicle.latest_complaint(now, since).unwrap_or_default()
+    }
+
     fn next(&mut self) {
         self.steps.pop_front();
         self.waiting = Waiting::Nothing;
@@ -520,6 +542,14 @@ fn no_answer(what: &str, tries: u8) -> String {
     format!("{what}: no answer from the vehicle after {tries} attempts")
 }
 
+/// Appended to a refusal because the vehicle shows nothing: a silent vehicle may have done it.
+fn unknown(vehicle: &VehicleState) -> String {
+    if vehicle.live() {
+        return String::new();
+    }
+    format!("; no data from the vehicle: {MAY_BE_DONE}")
+}
+
 fn name(result: MavResult) -> &'static str {
     match result {
         MavResult::MAV_RESULT_ACCEPTED => "accepted",
@@ -534,5 +564,61 @@ fn name(result: MavResult) -> &'static str {
     }
 }
 
+/// Where nothing shows whether the vehicle has done what was commanded. Nothing is reported about it later: whether this
+/// command or somebody else's led to what the vehicle then shows is not known.
+pub(crate) const MAY_BE_DONE: &str =
+    "it may have been carried out all the same, check the vehicle's state";
 /// Time between two attempts after a temporary rejection.
 const PAUSE: Duration = Duration::from_millis(400);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::testing::World;
+
+    fn advance(maneuver: &mut Maneuver, world: &mut World) -> Progress {
+        maneuver.advance(world.now.mono, &world.vehicle, &mut world.services)
+    }
+
+    /// PX4 accepts a place outside its fence, says so at once, and does not fly there.
+    #[test]
+    fn a_refusal_long_after_the_command_has_the_reason_that_the_vehicle_gave_at_once() {
+        for (after_command, live) in [(true, true), (false, true), (false, false)] {
+            let mut world = World::airborne(Px4Mode::LOITER);
+            let mut maneuver = Maneuver::new(change_altitude(500.0), Commanded::default());
+            let complain = |world: &mut World| {
+                let now = world.now.mono;
+                world
+                    .vehicle
+                    .complain(now, "Reposition is outside geofence");
+            };
+            if !after_command {
+                complain(&mut world);
+                world.advance(Duration::from_secs(4));
+            }
+            assert_eq!(advance(&mut maneuver, &mut world), Progress::Going);
+            world.commanded_modes();
+            let command = MavCmd::MAV_CMD_DO_CHANGE_ALTITUDE;
+            let accepted = world.answer(command, MavResult::MAV_RESULT_ACCEPTED);
+            assert_eq!(accepted.len(), 1);
+            for event in accepted {
+                let now = world.now.mono;
+                maneuver.handle_command(now, &event, &world.vehicle);
+            }
+            if after_command {
+                complain(&mut world);
+            }
+            if !live {
+                world.vehicle.set_silent();
+            }
+            assert_eq!(advance(&mut maneuver, &mut world), Progress::Going);
+            world.advance(Duration::from_secs(60));
+            let Progress::Refused(why) = advance(&mut maneuver, &mut world) else {
+                panic!("it is not shown");
+            };
+            assert_eq!(why.contains("outside geofence"), after_command, "{why}");
+            // A vehicle that is not received may fly it.
+            assert_eq!(why.contains(MAY_BE_DONE), !live, "{why}");
+        }
+    }
+}

@@ -31,6 +31,10 @@ pub(super) struct RouteUpload {
     pub(super) plan: Plan,
     /// The vehicle was taken out of AUTO.MISSION for it.
     pub(super) held: bool,
+    /// The id by which MISSION_CURRENT names its items, once they are compiled.
+    pub(super) mission_id: Option<u32>,
+    /// When it was first given to the vehicle.
+    began: Option<Duration>,
     /// What to compile; `None` for a route that was compiled before.
     route: Option<UaRoute>,
     /// For a mode: checked alone. Other messages of a CUCS, perhaps half of another upload, must not prevent a contingency
@@ -97,6 +101,8 @@ impl RouteUpload {
             route_type,
             plan: Plan::default(),
             held: false,
+            mission_id: None,
+            began: None,
             route: Some(route.clone()),
             alone,
         }
@@ -111,6 +117,8 @@ impl RouteUpload {
             route_type: uploaded.route_type,
             plan: uploaded.plan.clone(),
             held: false,
+            mission_id: None,
+            began: None,
             // Not compiled again: the vehicle gets the items of the last load, byte for byte.
             route: None,
             alone: false,
@@ -312,12 +320,15 @@ impl RouteUpload {
         vehicle: &mut Services,
     ) -> Outcome {
         let telemetry = &state.telemetry;
+        let id = plan_id(&compiled.items);
+        self.mission_id = Some(id);
         let same = telemetry
             .mission
-            .is_some_and(|mission| mission.mission_id == plan_id(&compiled.items));
+            .is_some_and(|mission| mission.mission_id == id);
         if same {
             // PX4 ignores an upload with the id that it already reports: only a read-back shows whether it holds these
             // items.
+            self.began = Some(now);
             return match Upload::read_back(now, KIND, vehicle) {
                 Ok(upload) => self.begun(upload, compiled, 50),
                 Err(fault) => refused(None, Fault::NotRead(fault).explain("plan"), false),
@@ -340,6 +351,7 @@ impl RouteUpload {
         compiled: CompiledMission,
         vehicle: &mut Services,
     ) -> Outcome {
+        self.began = Some(now);
         match Upload::send(now, KIND, &compiled.items, vehicle) {
             Ok(upload) => self.begun(upload, compiled, 0),
             Err(fault) => refused(None, Fault::NotSent(fault).explain("plan"), false),
@@ -375,7 +387,7 @@ impl RouteUpload {
                 let waypoint = item.and_then(|item| compiled.waypoint_of.get(item).copied());
                 Outcome::Refused {
                     waypoint,
-                    why: explain(&fault, now, state),
+                    why: explain(&fault, (now, self.began.unwrap_or(now)), state),
                     touched: upload.touched(),
                     flaw: fault.is_flaw(),
                 }
@@ -394,8 +406,9 @@ fn is_of_upload(fault: &Fault) -> bool {
     )
 }
 
-fn explain(fault: &Fault, now: Duration, state: &VehicleState) -> String {
-    let complaint = || state.latest_complaint(now).unwrap_or_default();
+fn explain(fault: &Fault, (now, began): (Duration, Duration), state: &VehicleState) -> String {
+    // PX4 judges the route when it has the last item, and a read-back of many seconds may follow.
+    let complaint = || state.latest_complaint(now, began).unwrap_or_default();
     match fault {
         Fault::Service { operation, .. } => {
             let what = if *operation == Operation::Upload {

@@ -34,6 +34,7 @@ use self::step::{Before, Drive, Focus, Motion, Order, Slew, Step, Zoom, request}
 use super::authority::rules::{Authority, Stations};
 use super::context::{self, Bounds, Origin};
 use super::effects::Effects;
+use super::maneuver::MAY_BE_DONE;
 use crate::config::Provisional;
 
 /// The machine.
@@ -502,7 +503,7 @@ impl Payload {
                 format!("component {component} answers {command:?}: {result:?}")
             }
             Outcome::NoAnswer { .. } => {
-                format!("component {component} does not answer {command:?}")
+                format!("component {component} does not answer {command:?}: {MAY_BE_DONE}")
             }
             Outcome::Withdrawn => format!("{command:?} was withdrawn"),
         };

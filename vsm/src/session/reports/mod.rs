@@ -605,15 +605,16 @@ impl Reports {
         if let Event::Progress { .. } = event {
             return;
         }
-        let purpose = self.parameters.ended();
-        self.answer_parameter(context, purpose, event, effects);
+        let (purpose, sets) = self.parameters.ended().unzip();
+        let ended = (purpose, sets == Some(true));
+        self.answer_parameter(context, ended, event, effects);
         self.parameters.advance(&context.common, effects);
     }
 
     fn answer_parameter(
         &mut self,
         context: &Context<'_>,
-        purpose: Option<Purpose>,
+        (purpose, sets): (Option<Purpose>, bool),
         event: Event,
         effects: &mut Effects<'_>,
     ) {
@@ -651,7 +652,7 @@ impl Reports {
             Some(Purpose::Station(origin)) => origin,
         };
         let station = origin.station;
-        if let Some(why) = parameters::refusal(&event) {
+        if let Some(why) = parameters::refusal(&event, sets) {
             return effects.refuse(Some(origin), why);
         }
         match event {

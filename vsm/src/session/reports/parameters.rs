@@ -22,6 +22,7 @@ use crate::session::allowance::Allowance;
 use crate::session::context::{Context, Origin};
 use crate::session::effects::Effects;
 use crate::session::limits::{PARAMETER_LISTS, PARAMETERS};
+use crate::session::maneuver::MAY_BE_DONE;
 use crate::session::turns::Turns;
 
 /// The machine.
@@ -263,13 +264,14 @@ impl ParameterRequests {
         }
     }
 
-    /// The requester of the request that has just ended. The caller then starts the next one ([`Self::advance`]).
-    pub(super) fn ended(&mut self) -> Option<Purpose> {
+    /// The requester of the request that has just ended, and whether it was to set a value. The caller then starts the next one
+    /// ([`Self::advance`]).
+    pub(super) fn ended(&mut self) -> Option<(Purpose, bool)> {
         let (purpose, wanted) = self.active.take()?;
         if let (Purpose::Station(origin), Wanted::List) = (purpose, wanted) {
             self.follow_all.insert(origin.station);
         }
-        Some(purpose)
+        Some((purpose, matches!(wanted, Wanted::Set(..))))
     }
 }
 
@@ -323,9 +325,13 @@ pub(super) fn report(name: Name, value: Value, metadata: &ParameterMetadata) -> 
     parameter::report(name, value, metadata.get(name), None).into()
 }
 
-/// Why a request was refused, for the operator.
-pub(super) fn refusal(event: &Event) -> Option<String> {
+/// Why a request was refused, for the operator; `sets`: it was to set a value.
+pub(super) fn refusal(event: &Event, sets: bool) -> Option<String> {
     match event {
+        Event::Refused {
+            name,
+            reason: reason @ Refusal::NoAnswer,
+        } if sets => Some(format!("parameter {name}: {}: {MAY_BE_DONE}", why(reason))),
         Event::Refused { name, reason } => Some(format!("parameter {name}: {}", why(reason))),
         Event::ListFailed { have, total } => Some(format!("{have} of {total} parameters received")),
         _ => None,
