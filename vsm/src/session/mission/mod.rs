@@ -318,6 +318,7 @@ impl Mission {
                 }
             }
             Input::CompareWithVehicle => {
+                transfers.report_ended_early(context, effects);
                 let uploaded = store.uploaded.as_ref();
                 if resync.compare(context, uploaded, free.is_ok(), effects)
                     && let Some(uploaded) = uploaded

@@ -633,6 +633,46 @@ fn a_cancelled_clearing_leaves_no_route_that_counts_as_uploaded() {
     assert!(after.store.uploaded.is_none());
 }
 
+/// PX4 takes the last item, and the cancellation comes a moment later.
+#[test]
+fn a_vehicle_that_holds_a_route_whose_load_was_cancelled_or_failed_is_named_once() {
+    for (cancelled, taken) in [(true, true), (true, false), (false, true)] {
+        let (mut world, mut mission) = ready();
+        let id = plan_id(&compiled(&mut world, &mission));
+        world.vehicle.telemetry.mission = named(id + 1, 0);
+        command(&mut world, &mut mission, transfer(Mode::Load));
+        let progress = Event::Progress {
+            operation: Operation::Upload,
+            done: 1,
+            total: 2,
+            percent: 50,
+        };
+        handle(&mut world, &mut mission, Input::ServiceEnded(progress));
+        handle(&mut world, &mut mission, Input::CompareWithVehicle);
+        if cancelled {
+            command(&mut world, &mut mission, transfer(Mode::Cancel));
+        } else {
+            let failed = Event::Failed {
+                operation: Operation::Upload,
+                kind: MISSION,
+                reason: Failure::NoAnswer { seq: None },
+            };
+            ended(&mut world, &mut mission, Operation::Upload, failed);
+        }
+        handle(&mut world, &mut mission, Input::CompareWithVehicle);
+        let words = "the vehicle holds the route whose load was cancelled or has failed";
+        let (_, texts) = reports(&mut world);
+        assert!(!texts.contains(words), "it reports another: {texts}");
+        world.vehicle.telemetry.mission = named(if taken { id } else { id + 1 }, 0);
+        for first in [true, false] {
+            handle(&mut world, &mut mission, Input::CompareWithVehicle);
+            let (_, texts) = reports(&mut world);
+            assert_eq!(texts.contains(words), taken && first, "{texts}");
+        }
+        assert!(mission.uploaded().is_none());
+    }
+}
+
 #[test]
 fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
     let mut world = World::new();

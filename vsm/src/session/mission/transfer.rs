@@ -8,6 +8,7 @@ mod load;
 
 use std::time::Duration;
 
+use mavlink_link::dialect::MissionState;
 use mavlink_link::service::{command, mission};
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AckType, FlightPathControlMode, MissionPlanMode as Mode, RouteType};
@@ -28,6 +29,8 @@ use crate::session::effects::{Effects, Request};
 pub(super) struct Transfers {
     load: Option<Load>,
     download: Option<Download>,
+    /// The id of a route whose load ended early: the vehicle may have taken the last item just before.
+    ended_early: Option<u32>,
 }
 
 /// A load or a clearing.
@@ -167,6 +170,11 @@ impl Transfers {
         match &mut load.work {
             Work::Load(upload) => {
                 if upload.cancel(context.mono(), context.vehicle, effects.vehicle) {
+                    let is_loaded = |id: &u32| {
+                        let loaded = store.loaded.as_ref();
+                        loaded.is_some_and(|loaded| loaded.mission_id == *id)
+                    };
+                    self.ended_early = upload.mission_id.filter(|id| !is_loaded(id));
                     store.forget_uploaded(effects);
                 }
             }
@@ -177,6 +185,27 @@ impl Transfers {
             }
         }
         load.end(None, why.to_owned(), effects);
+    }
+
+    /// Warns where the vehicle reports a route whose load has ended early. No mode of this VSM flies it, but a pilot or a failsafe
+    /// may. It is not replaced without a command: that would refuse the load with which an operator follows a cancellation.
+    pub(super) fn report_ended_early(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        // What another load or a clearing leads to is reported by that.
+        if self.load.is_some() {
+            self.ended_early = None;
+        }
+        let reported = context.vehicle.telemetry.mission;
+        let reported = reported
+            .filter(|mission| mission.state != MissionState::MISSION_STATE_NO_MISSION)
+            .filter(|mission| self.ended_early == Some(mission.mission_id));
+        if let Some(mission) = reported {
+            self.ended_early = None;
+            effects.warn_of_link(format!(
+                "the vehicle holds the route whose load was cancelled or has failed ({:08x}), and its pilot or a failsafe may fly it: \
+                 load a route, or clear (13000)",
+                mission.mission_id
+            ));
+        }
     }
 
     /// Refuses the mode command that waits for its route: it has not begun, and must not begin later.

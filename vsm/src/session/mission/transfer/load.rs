@@ -253,6 +253,10 @@ impl Transfers {
                     }
                 }
                 if touched {
+                    // The loaded route is no other than the one that it is to hold.
+                    if let (false, Work::Load(upload)) = (load.is_own(), &load.work) {
+                        self.ended_early = upload.mission_id;
+                    }
                     // A 13000 was to replace the loaded route. A load for a mode keeps it, so that it can be uploaded again.
                     if load.origin.is_some() {
                         store.loaded = None;
