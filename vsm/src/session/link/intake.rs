@@ -160,7 +160,7 @@ impl VehicleLink {
             vehicle.heartbeat_at = Some(now);
             if vehicle.silent {
                 vehicle.silent = false;
-                vehicle.measured.begin_again(now);
+                vehicle.measured.begin_again(now, &mut vehicle.telemetry);
                 // Another station may have uploaded a different mission meanwhile.
                 vehicle.telemetry.mission = None;
                 intervals.request_again();

@@ -58,11 +58,12 @@ impl Measured {
         self.position
     }
 
-    /// The vehicle is received again: values from before its silence are soon reported again, or forgotten.
-    pub(super) fn begin_again(&mut self, now: Duration) {
-        for at in self.arrived.iter_mut().flatten() {
-            *at = now;
-        }
+    /// The vehicle is received again: what is [`STALE`] by now is forgotten, as it would have been meanwhile. That is no loss of
+    /// it: that counts from now on.
+    pub(super) fn begin_again(&mut self, now: Duration, shown: &mut Telemetry) {
+        let arrived = self.arrived;
+        self.forget_stale(now, shown);
+        self.arrived = arrived.map(|at| at.map(|_| now));
     }
 
     /// The vehicle has restarted: nothing is known of it.
@@ -74,12 +75,12 @@ impl Measured {
     }
 
     /// The bridge did not run in between.
-    pub(super) fn note_stop(&mut self, from: Duration, until: Duration) {
+    pub(super) fn note_stop(&mut self, from: Duration, until: Duration, shown: &mut Telemetry) {
         // What waited during the stop before may not be through yet.
         let before = self.stopped.filter(|(_, end)| *end + CATCHES_UP >= from);
         self.stopped = Some((before.map_or(from, |(began, _)| began), until));
         // Nothing could be reported meanwhile.
-        self.begin_again(until);
+        self.begin_again(until, shown);
     }
 
     /// Since when a message may have waited that is handled now; `None` where none has.
@@ -163,3 +164,57 @@ const BODY_SENSED: u16 = 3010;
 const WEATHER: u16 = 18_300;
 const INERTIAL_STATES: u16 = 4000;
 const WAYPOINT_STATES: u16 = 4001;
+
+#[cfg(test)]
+mod tests {
+    use mapping::telemetry::Place;
+
+    use super::*;
+
+    fn seconds(s: u64) -> Duration {
+        Duration::from_secs(s)
+    }
+
+    /// A vehicle whose position arrived at 100 s.
+    fn shown() -> (Measured, Telemetry) {
+        let arrived = Measured {
+            position: Some(seconds(100)),
+            arrived: [Some(seconds(100)), None, None],
+            had_position: true,
+            ..Measured::default()
+        };
+        let telemetry = Telemetry {
+            position: Some(Place {
+                latitude: 47.0,
+                longitude: 8.0,
+                amsl_m: 400.0,
+            }),
+            ..Telemetry::default()
+        };
+        (arrived, telemetry)
+    }
+
+    #[test]
+    fn a_position_of_before_a_long_stop_is_no_longer_shown_and_is_not_called_lost_at_once() {
+        for (stopped_s, stays) in [(3, true), (13, false)] {
+            let (mut measured, mut telemetry) = shown();
+            let until = seconds(100 + stopped_s);
+            measured.note_stop(seconds(100), until, &mut telemetry);
+            assert_eq!(telemetry.position.is_some(), stays, "{stopped_s} s");
+            assert_eq!(measured.position().is_some(), stays, "{stopped_s} s");
+            let soon = until + seconds(4);
+            assert!(!measured.forget_stale(soon, &mut telemetry));
+            assert!(measured.forget_stale(until + STALE, &mut telemetry));
+            assert_eq!(telemetry.position, None);
+        }
+    }
+
+    #[test]
+    fn a_position_of_before_a_silence_is_not_shown_when_the_vehicle_is_back() {
+        for (silent_s, stays) in [(4, true), (60, false)] {
+            let (mut measured, mut telemetry) = shown();
+            measured.begin_again(seconds(100 + silent_s), &mut telemetry);
+            assert_eq!(telemetry.position.is_some(), stays, "{silent_s} s");
+        }
+    }
+}

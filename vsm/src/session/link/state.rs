@@ -109,7 +109,7 @@ impl VehicleState {
 
     /// The bridge did not run in between: the vehicle was not silent for that time.
     pub(super) fn note_stop(&mut self, from: Duration, until: Duration) {
-        self.measured.note_stop(from, until);
+        self.measured.note_stop(from, until, &mut self.telemetry);
         // After a longer one it is treated as a vehicle that was silent, since it may be another, or have restarted.
         if until.saturating_sub(from) <= MAX_STOP {
             self.ran_again = Some(until);
