@@ -2,10 +2,13 @@
 
 use std::net::SocketAddr;
 
-use kit::bridge::{Rig, Setup, Station, cucs, orders, vehicle_id};
+use kit::bridge::{Rig, Setup, Station, bridge_mav, cucs, orders, vehicle_address, vehicle_id};
+use mavlink_link::dialect::{ATTITUDE_DATA, MavMessage};
+use mavlink_link::frame::{self, Header, MAX_FRAME};
 use stanag_msgs::enums::AlertPriority;
 use stanag_msgs::{Envelope, MAX_DATAGRAM, Message, wrapper};
 use vsm::session::LogLevel;
+use vsm::session::findings::Code;
 use vsm::session::findings::host::{KeyFault, StoreFact};
 
 /// The priorities of the 16000s that begin like this, in their order.
@@ -52,6 +55,42 @@ fn a_fault_is_raised_once_and_cleared_when_it_is_gone() {
         priorities(&rig, id[0]).last(),
         Some(&AlertPriority::Cleared)
     );
+}
+
+/// Seen with a second PX4 of the same system id, which has no key. Anybody can send what it sends.
+#[test]
+fn unsigned_frames_in_the_name_of_a_vehicle_that_is_received_are_a_finding_and_no_alert() {
+    let attitude = MavMessage::ATTITUDE(ATTITUDE_DATA::default());
+    let header = Header {
+        seq: 7,
+        system_id: 1,
+        component_id: 1,
+        message_id: 0,
+        incompat: 0,
+        compat: 0,
+    };
+    let mut bytes = [0; MAX_FRAME];
+    let length = frame::encode(&attitude, header, &mut bytes);
+    let mut rig = Rig::ready();
+    rig.run(20.0);
+    let before = rig.station().alerts();
+    for _ in 0..20 {
+        for _ in 0..50 {
+            let now = rig.clock.elapsed();
+            let unsigned = bytes[..length].to_vec();
+            rig.mav
+                .send(now, vehicle_address(0), bridge_mav(0), unsigned);
+        }
+        rig.run(3.0);
+    }
+    let mono = rig.now().mono;
+    let bridge = rig.bridge.as_ref().expect("it runs");
+    let found = bridge.status(String::new(), mono).findings;
+    let codes: Vec<Code> = found.iter().map(|finding| finding.code).collect();
+    assert_eq!(codes, [Code::MavlinkUnsignedBeside]);
+    assert_eq!(rig.station().alerts(), before);
+    let words = "something else sends unsigned frames as system 1";
+    assert_eq!(logged(&rig, LogLevel::Warning, words), 1);
 }
 
 /// Nobody answers a bridge that does not run, nor over a link that is cut both ways.

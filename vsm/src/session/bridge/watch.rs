@@ -174,11 +174,14 @@ impl Bridge {
 
     /// Reports the findings of a vehicle to its listeners.
     fn report_of(&mut self, now: Now, index: usize, found: Option<&Finding>, disk: &mut dyn Disk) {
+        let known = found.is_some_and(|one| self.checks.found.contains(one));
         let (mut dli, aircraft) = self.effects(now, disk);
         let Some(one) = aircraft.get_mut(index) else {
             return;
         };
-        let standing = found.map(|one| (one.code, one.key));
+        // Anybody can send what leads to it: one line in the log, and no alert.
+        let is_quiet = found.is_some_and(|one| one.code == Code::MavlinkUnsignedBeside);
+        let standing = found.filter(|_| !is_quiet).map(|one| (one.code, one.key));
         let mut effects = one.effects(&mut dli);
         while let Some((cause, text)) = effects.alerts.ended_finding(standing.as_slice()) {
             effects.clear(cause, &cleared(&text));
@@ -188,8 +191,12 @@ impl Bridge {
             let text = finding.to_string();
             let text = text.strip_prefix(&format!("vehicle {}: ", finding.about));
             let text = text.map_or_else(|| finding.to_string(), str::to_owned);
-            let cause = cause(finding);
-            effects.raise(cause, AlertPriority::Warning, SubsystemId::Comms, text);
+            if !is_quiet {
+                let cause = cause(finding);
+                effects.raise(cause, AlertPriority::Warning, SubsystemId::Comms, text);
+            } else if !known {
+                effects.note(LogLevel::Warning, text);
+            }
         }
     }
 

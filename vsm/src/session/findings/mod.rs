@@ -59,6 +59,8 @@ pub enum Code {
     MavlinkOtherSystem,
     /// The vehicle sends unsigned, though a key is configured.
     MavlinkUnsigned,
+    /// The vehicle is received, signed, and something else sends unsigned frames with its system id.
+    MavlinkUnsignedBeside,
     /// The vehicle signs with another key.
     MavlinkOtherKey,
     /// The vehicle signs with another link id than the one it is known by.

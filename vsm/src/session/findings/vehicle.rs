@@ -232,18 +232,22 @@ pub(crate) struct Evidence<'a> {
     pub(crate) encrypted: bool,
     /// When a frame was last accepted.
     pub(crate) accepted: Option<Duration>,
+    /// Since when frames are accepted without interruption.
+    pub(crate) live_since: Option<Duration>,
     /// How old the newest frame of ours is that was answered.
     pub(crate) unanswered: Option<Duration>,
 }
 
-/// Why the vehicle is not received, or receives nothing.
+/// Why the vehicle is not received, or receives nothing; or what else sends in its name while it is.
 pub(crate) fn judge(evidence: &Evidence<'_>) -> Option<Finding> {
     let mono = evidence.mono;
     let for_long = |at: Duration, span| mono.saturating_sub(at) > span;
     let last = evidence.accepted.or(evidence.arrivals.began)?;
     if !for_long(last, SILENT_FOR) {
         let unanswered = evidence.unanswered.filter(|age| *age > UNANSWERED);
-        unanswered.and_then(|_| evidence.accepted.map(|_| unanswered_finding(evidence)))
+        unanswered
+            .and_then(|_| evidence.accepted.map(|_| unanswered_finding(evidence)))
+            .or_else(|| unsigned_beside(evidence))
     // What arrived last is the reason until nothing has arrived for long: between the two there would be none.
     } else if let Some(kind) = (evidence.arrivals.refused(mono))
         .or_else(|| evidence.arrivals.refused_within(mono, NOTHING_FOR))
@@ -450,6 +454,29 @@ fn unanswered_finding(evidence: &Evidence<'_>) -> Finding {
     )
 }
 
+/// That something else sends unsigned frames in the name of a vehicle whose own verify. Anybody can send them, so nobody is
+/// alerted, and the finding stands for long after the last one: it cannot be made to come and go.
+fn unsigned_beside(evidence: &Evidence<'_>) -> Option<Finding> {
+    let at = evidence.arrivals.last[Kind::Unsigned as usize]?;
+    // A vehicle that is given its key may have sent unsigned until then.
+    let beside = at >= evidence.live_since? + SILENT_FOR;
+    let fresh = evidence.mono.saturating_sub(at) <= BESIDE_FOR;
+    let system = evidence.system;
+    (beside && fresh).then(|| {
+        finding(
+            evidence,
+            Code::MavlinkUnsignedBeside,
+            format!(
+                "MAVLink system {system} is received and its signatures verify, and something else sends unsigned frames as system {system}"
+            ),
+            format!(
+                "they are refused, and its key is not lost; look for another PX4 with MAV_SYS_ID = {system}, a gimbal or camera of this vehicle \
+                 that does not sign, or somebody who forges them (\"vsm status\" counts them: not signed)"
+            ),
+        )
+    })
+}
+
 /// That a vehicle reports its state no more, where [`judge`] has no reason for it. The alert for that stands by itself: this
 /// is for who asks, so that the answer is the one that the log has given.
 pub(crate) fn silent(evidence: &Evidence<'_>) -> Option<Finding> {
@@ -477,6 +504,8 @@ const STILL: Duration = Duration::from_secs(2);
 const SILENT_FOR: Duration = Duration::from_secs(5);
 /// How long nothing at all must have arrived.
 const NOTHING_FOR: Duration = Duration::from_secs(10);
+/// How long after the last unsigned frame beside verified ones that is a finding.
+const BESIDE_FOR: Duration = Duration::from_secs(600);
 /// How long the vehicle must have answered nothing.
 const UNANSWERED: Duration = Duration::from_secs(10);
 
@@ -510,6 +539,7 @@ mod tests {
             shared: false,
             encrypted: false,
             accepted: accepted.map(seconds),
+            live_since: accepted.map(|_| seconds(0)),
             unanswered: None,
         }
     }
@@ -564,6 +594,33 @@ mod tests {
     fn a_vehicle_that_is_received_has_no_finding_whatever_else_arrives() {
         assert_eq!(found(|s| s.bad_signature = 9, Some(28)), None);
         assert!(found(|s| s.bad_signature = 9, Some(20)).is_some());
+    }
+
+    #[test]
+    fn unsigned_frames_beside_verified_ones_are_a_finding_of_their_own_that_stands_for_long() {
+        let beside = found(|s| s.unsigned_vehicle = 9, Some(28)).expect("a finding");
+        assert_eq!(beside.code, Code::MavlinkUnsignedBeside);
+        assert!(
+            beside.to_string().contains("its key is not lost"),
+            "{beside}"
+        );
+        let (mut stats, mut arrivals) = (LinkStats::default(), Arrivals::default());
+        look(&mut arrivals, 1, &stats);
+        stats.unsigned_vehicle = 1;
+        look(&mut arrivals, 20, &stats);
+        let at = |now_s, live_s| {
+            judge(&Evidence {
+                live_since: Some(seconds(live_s)),
+                ..evidence(&arrivals, now_s, Some(now_s))
+            })
+        };
+        // The vehicle's own, from before it had its key.
+        assert_eq!(at(30, 18), None);
+        assert_eq!(at(30, 25), None);
+        // However seldom one comes, it does not come and go with it.
+        let first = at(20, 10).expect("a finding");
+        assert_eq!(at(600, 10), Some(first));
+        assert_eq!(at(621, 10), None);
     }
 
     /// A vehicle that falls silent, and another program's bytes a moment later: from the first second in which it counts as

@@ -629,6 +629,7 @@ impl VehicleLink {
             shared,
             encrypted: config.encrypt,
             accepted: self.link.accepted_at().map(|at| at.max(again)),
+            live_since: self.live_since,
             unanswered: unanswered.map(|age| age.min(received_for)),
         }
     }
