@@ -83,6 +83,9 @@ pub(crate) struct VehicleLink {
     stored_link_id: Option<u8>,
     /// Since when frames have been accepted without interruption, or were until the link fell silent.
     live_since: Option<Duration>,
+    /// That it is live is reported once the vehicle is: its frames verify up to a second before the HEARTBEAT that shows its
+    /// state, and commands are refused until then.
+    live_is_due: bool,
     /// When the bridge last ran again after it did not.
     ran_again: Option<Duration>,
     /// When a frame last verified and was accepted, and under which key.
@@ -159,6 +162,7 @@ impl VehicleLink {
             operator_control: OperatorControl::default(),
             commanders: Vec::new(),
             live_since: None,
+            live_is_due: false,
             ran_again: None,
             verified: None,
             arrivals: Arrivals::default(),
@@ -374,12 +378,14 @@ impl VehicleLink {
                 Event::Live => {
                     self.live_since = Some(now);
                     self.stale_at_start.live(self.link.stats().stale);
+                    self.live_is_due = true;
+                    continue;
                 }
                 Event::Behind => {
-                    self.live_since = None;
+                    (self.live_since, self.live_is_due) = (None, false);
                     self.stale_at_start.behind(now);
                 }
-                Event::Ahead => self.live_since = None,
+                Event::Ahead => (self.live_since, self.live_is_due) = (None, false),
                 Event::Alert(Alert::WallFarAhead) => self.wall_far_ahead = Some(now),
                 Event::KeyExchange(frame) if self.agreement.wanted => {
                     self.agreement.queue(frame);
@@ -388,6 +394,10 @@ impl VehicleLink {
                 _ => {}
             }
             self.events.push_back(VehicleEvent::Link(event));
+        }
+        if self.live_is_due && vehicle.live() {
+            self.live_is_due = false;
+            self.events.push_back(VehicleEvent::Link(Event::Live));
         }
     }
 

@@ -31,6 +31,11 @@ fn receive(
     system_id: u8,
     message: &MavMessage,
 ) -> Vec<VehicleEvent> {
+    send(world, link, system_id, message);
+    events(link)
+}
+
+fn send(world: &mut World, link: &mut VehicleLink, system_id: u8, message: &MavMessage) {
     let header = Header {
         seq: 0,
         system_id,
@@ -47,7 +52,6 @@ fn receive(
         link.handle_datagram(Peer::Serial, bytes, &mut state, effects, &mut |_| {});
     });
     world.vehicle = state;
-    events(link)
 }
 
 fn wait(world: &mut World, link: &mut VehicleLink, span: Duration) -> Vec<VehicleEvent> {
@@ -95,6 +99,22 @@ fn a_vehicle_is_live_from_its_heartbeat_until_it_is_silent() {
     assert_eq!(wait(&mut world, &mut link, SILENCE), [], "reported once");
     let again = receive(&mut world, &mut link, VEHICLE, &heartbeat(1));
     assert_eq!(again, [LinkUp]);
+}
+
+/// Commands are refused until the vehicle's HEARTBEAT, which may be a second later than its first frame.
+#[test]
+fn a_link_is_reported_as_live_once_commands_are_accepted() {
+    let (mut world, mut link) = start();
+    let mut reported = |message: &MavMessage| {
+        send(&mut world, &mut link, VEHICLE, message);
+        let events = std::iter::from_fn(|| link.poll_event());
+        let lives = events.filter(|event| matches!(event, VehicleEvent::Link(Event::Live)));
+        (lives.count(), world.vehicle.live())
+    };
+    assert_eq!(reported(&attitude(1_000)), (0, false));
+    assert_eq!(reported(&attitude(1_200)), (0, false));
+    assert_eq!(reported(&heartbeat(1)), (1, true));
+    assert_eq!(reported(&heartbeat(1)), (0, true));
 }
 
 #[test]
