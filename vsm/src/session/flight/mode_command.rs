@@ -88,6 +88,11 @@ pub(crate) fn task(
             wings::steer(command, at)
         }
         Mode::Autopilot => steer(command, at),
+        other if other == Px4Mode::RTL.reported() => Err(format!(
+            "mode {}: only reported (3001), expected mode {}, which returns where no route of that type is stored",
+            other.in_words(),
+            Mode::ContingencyA.in_words()
+        )),
         other => Err(format!("mode {}: not supported by PX4", other.in_words())),
     }
 }
@@ -356,6 +361,22 @@ mod tests {
         assert_eq!(judged(Some(stands)), Ok(true));
         // The VSM was restarted while the vehicle flies.
         assert!(judged(None).is_err_and(|why| why.contains("not reported yet")));
+    }
+
+    #[test]
+    fn the_return_that_is_only_reported_names_the_mode_that_commands_it() {
+        let refused = |mode| {
+            let command = VehicleOperatingModeCommand {
+                select_flight_path_control_mode: Some(mode),
+                ..VehicleOperatingModeCommand::default()
+            };
+            let task = task_of(&command, &Telemetry::default(), None, Limits::default());
+            task.map(drop).expect_err("no mode to command")
+        };
+        let why = refused(Px4Mode::RTL.reported());
+        assert!(why.starts_with("mode 32 (return): only reported"), "{why}");
+        assert!(why.contains("mode 23 (contingency A)"), "{why}");
+        assert!(refused(Mode::Unknown(33)).contains("not supported by PX4"));
     }
 
     #[test]
