@@ -11,6 +11,9 @@ use vsm::session::LogLevel;
 use vsm::session::findings::Code;
 use vsm::session::findings::host::{KeyFault, StoreFact};
 
+const HEARTBEAT: u32 = 0;
+const CURRENT_MODE: u32 = 436;
+
 /// The priorities of the 16000s that begin like this, in their order.
 fn alerts(rig: &Rig, words: &str) -> Vec<AlertPriority> {
     let mut found = vec![];
@@ -83,14 +86,20 @@ fn unsigned_frames_in_the_name_of_a_vehicle_that_is_received_are_a_finding_and_n
         }
         rig.run(3.0);
     }
-    let mono = rig.now().mono;
-    let bridge = rig.bridge.as_ref().expect("it runs");
-    let found = bridge.status(String::new(), mono).findings;
-    let codes: Vec<Code> = found.iter().map(|finding| finding.code).collect();
-    assert_eq!(codes, [Code::MavlinkUnsignedBeside]);
+    let codes = |rig: &Rig| -> Vec<Code> {
+        let bridge = rig.bridge.as_ref().expect("it runs");
+        let found = bridge.status(String::new(), rig.now().mono).findings;
+        found.iter().map(|finding| finding.code).collect()
+    };
+    assert_eq!(codes(&rig), [Code::MavlinkUnsignedBeside]);
     assert_eq!(rig.station().alerts(), before);
     let words = "something else sends unsigned frames as system 1";
     assert_eq!(logged(&rig, LogLevel::Warning, words), 1);
+    // It does not take the place of the reason why the vehicle's state is unknown.
+    rig.lost = vec![HEARTBEAT, CURRENT_MODE];
+    rig.run(6.0);
+    let silent = [Code::MavlinkUnsignedBeside, Code::MavlinkSilent];
+    assert_eq!(codes(&rig), silent);
 }
 
 /// Nobody answers a bridge that does not run, nor over a link that is cut both ways.

@@ -139,7 +139,9 @@ impl Bridge {
         let fallen = |one: &&Aircraft| one.vehicle.was_live() && !one.vehicle.live();
         for one in self.aircraft.iter().filter(fallen) {
             let about = one.id().to_string();
-            if !found.iter().any(|known| known.about == about) {
+            // What anybody can send does not take the place of the reason.
+            let explains = |known: &Finding| known.about == about && !is_quiet(known);
+            if !found.iter().any(explains) {
                 found.extend(vehicle::silent(&self.evidence_of(mono, one)));
             }
         }
@@ -179,8 +181,7 @@ impl Bridge {
         let Some(one) = aircraft.get_mut(index) else {
             return;
         };
-        // Anybody can send what leads to it: one line in the log, and no alert.
-        let is_quiet = found.is_some_and(|one| one.code == Code::MavlinkUnsignedBeside);
+        let is_quiet = found.is_some_and(is_quiet);
         let standing = found.filter(|_| !is_quiet).map(|one| (one.code, one.key));
         let mut effects = one.effects(&mut dli);
         while let Some((cause, text)) = effects.alerts.ended_finding(standing.as_slice()) {
@@ -252,6 +253,11 @@ impl Bridge {
         }
         self.checks.notified = listeners.into_iter().map(|(station, _)| station).collect();
     }
+}
+
+/// Whether it is one line in the log, and no alert: anybody can send what leads to it.
+fn is_quiet(finding: &Finding) -> bool {
+    finding.code == Code::MavlinkUnsignedBeside
 }
 
 fn cause(finding: &Finding) -> Cause {
