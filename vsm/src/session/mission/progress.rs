@@ -120,7 +120,10 @@ impl RouteProgress {
         streamed: bool,
         circle_m: Option<f64>,
     ) {
-        self.away = is_away_from_end(compiled, vehicle, circle_m);
+        // Where it was last known to hold counts until its position is known again, which a stop of the bridge or a silence has it
+        // forget. Where it was on its way does not.
+        let away = is_away_from_end(compiled, vehicle, circle_m);
+        self.away = away.unwrap_or(self.away && self.has_ended());
         let Some(mission) = vehicle.mission else {
             return;
         };
@@ -254,22 +257,19 @@ impl RouteProgress {
     }
 }
 
-/// Whether the vehicle is known to be elsewhere than at the end of the route: without a position it is not.
+/// Whether the vehicle is elsewhere than at the end of the route; `None` while its position is not known.
 fn is_away_from_end(
     compiled: &CompiledMission,
     vehicle: &Telemetry,
     circle_m: Option<f64>,
-) -> bool {
+) -> Option<bool> {
     let last = compiled.order.last().map(|leg| leg.number);
     let mut items = compiled.items.iter().zip(&compiled.waypoint_of).rev();
-    let end = items.find(|(item, number)| item.is_flown_to() && Some(**number) == last);
-    let Some((item, away)) = end.and_then(|(item, _)| Some((item, away_from(vehicle, item)?)))
-    else {
-        return false;
-    };
+    let (item, _) = items.find(|(item, number)| item.is_flown_to() && Some(**number) == last)?;
+    let away = away_from(vehicle, item)?;
     // A circle may be the item's own.
     let circle_m = circle_m.map_or(0.0, |own_m| own_m.max(f64::from(item.params[2]).abs()));
-    away.ground_m > 2.0 * circle_m + HOVER_NEAR_M || away.height_m > HEIGHT_NEAR_M
+    Some(away.ground_m > 2.0 * circle_m + HOVER_NEAR_M || away.height_m > HEIGHT_NEAR_M)
 }
 
 fn reports_complete(vehicle: &Telemetry) -> bool {
@@ -428,8 +428,19 @@ mod tests {
                 assert!(progress.is_over(&vehicle));
             }
         }
-        // What is not known proves nothing.
-        vehicle.position = None;
+        // A position that is forgotten, as after a stop of the bridge, does not bring it back there.
+        let mut progress = RouteProgress::ended(&compiled);
+        vehicle.position = vehicle.home.map(|home| Place {
+            latitude: home.latitude + 0.01,
+            amsl_m: home.amsl_m + 50.0,
+            ..home
+        });
+        for _ in 0..2 {
+            progress.look(&compiled, &vehicle, false, None);
+            assert!(!progress.stays_at_end(&vehicle));
+            vehicle.position = None;
+        }
+        // What was never known proves nothing.
         let mut progress = RouteProgress::ended(&compiled);
         progress.look(&compiled, &vehicle, false, None);
         assert!(progress.stays_at_end(&vehicle));
