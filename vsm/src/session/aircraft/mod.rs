@@ -196,11 +196,35 @@ impl Aircraft {
 
     /// Whether [`Aircraft::handle_durable`] would change anything, other than with a disk that fails.
     pub(super) fn awaits_disk(&self) -> bool {
-        self.authority.awaits_disk()
-            || self.termination.awaits_disk()
-            || self.held.awaits_disk()
-            || self.link.awaits_disk()
-            || self.alerts.stands(Cause::Disk)
+        // Every field by its name: a new machine compiles only among these, or `_` where it waits for no disk.
+        let Aircraft {
+            authority,
+            termination,
+            held,
+            link,
+            alerts,
+            watch_at: _,
+            vehicle: _,
+            services: _,
+            settings: _,
+            mission: _,
+            flight: _,
+            reports: _,
+            payload: _,
+            metadata: _,
+            config: _,
+            port: _,
+            bounds: _,
+            listeners: _,
+            requests: _,
+            zeroizing: _,
+            files: _,
+        } = self;
+        authority.awaits_disk()
+            || termination.awaits_disk()
+            || held.awaits_disk()
+            || link.awaits_disk()
+            || alerts.stands(Cause::Disk)
     }
 
     /// The disk has made queued changes durable, or has failed to.

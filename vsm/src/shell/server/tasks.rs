@@ -107,8 +107,8 @@ pub(super) async fn receive_vehicle(
     close: Rc<Notify>,
 ) {
     let mut bytes = vec![0; LARGEST_DATAGRAM];
-    // How long datagrams were handled since others had their turn.
-    let mut busy = Duration::ZERO;
+    // Datagrams that were handled since others had their turn.
+    let mut taken_in_turn = 0;
     loop {
         let received = async {
             tokio::select! {
@@ -122,8 +122,7 @@ pub(super) async fn receive_vehicle(
         };
         match received {
             Ok(first) => {
-                let began = shared.clock.mono();
-                shared.with(|core, now| {
+                taken_in_turn += shared.with(|core, now| {
                     // Many vehicles on a link mean many datagrams: their effects (timers, frames, reports) are handled once
                     // for all of them. Not where keys are agreed on: exchange messages are handled one by one.
                     let at_once = if core.exchanges.is_empty() {
@@ -140,12 +139,13 @@ pub(super) async fn receive_vehicle(
                         next = more.flatten();
                     }
                     core.gathering.count(taken);
+                    taken
                 });
-                // A socket that is never empty would occupy the thread.
-                busy += shared.clock.mono().saturating_sub(began);
-                if busy >= TURN {
+                // A socket that is never empty would occupy the thread, and with a thousand vehicles there are several of them: what
+                // is to be sent, and what is due, waits for a turn of each.
+                if taken_in_turn >= AT_ONCE {
                     beat.during(tokio::task::yield_now()).await;
-                    busy = Duration::ZERO;
+                    taken_in_turn = 0;
                 }
             }
             Err(cause) => pause_after("a vehicle's link", &cause).await,
@@ -579,8 +579,7 @@ const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 const AT_ONCE: u64 = 32;
 /// Datagrams that are taken out of the DLI socket before the next is handled.
 const MAX_EMPTIED: usize = 1_024;
-/// How long the datagrams of a socket are handled before others get their turn, the tasks that send among them. With a thousand
-/// vehicles on five links a mode change waits for five such turns.
+/// How long the datagrams of the DLI socket are handled before others get their turn.
 const TURN: Duration = Duration::from_micros(500);
 /// A station sends a heartbeat each second or two.
 const WATCH_FOR: Duration = Duration::from_secs(3);
