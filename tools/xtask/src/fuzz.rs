@@ -32,18 +32,18 @@ pub(crate) struct EarlyBuild(Option<Child>);
 /// It prints nothing, because [`run`] builds again: that takes no time after this, and reports what is wrong.
 pub(crate) fn build_early() -> Result<EarlyBuild> {
     let build = build(&host()?);
-    // Whatever else wants a core gets it at once: tests measure how long a command waits.
-    let mut idle = Command::new("chrt");
-    idle.args(["--idle", "0"])
+    let mut gently = Command::new("nice");
+    gently
+        .args(["-n", "19"])
         .arg(build.get_program())
         .args(build.get_args())
-        .arg("--quiet")
+        .args(["--quiet", "--jobs", "1"])
         .env("RUSTFLAGS", FLAGS.join(" "))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::null());
-    // Without `chrt` nothing is lost but time.
-    Ok(EarlyBuild(idle.spawn().ok()))
+    // Without `nice` nothing is lost but time.
+    Ok(EarlyBuild(gently.spawn().ok()))
 }
 
 impl EarlyBuild {
