@@ -7,12 +7,13 @@
 //! store is shared with other nodes: they do not see this folder.
 //!
 //! The ceilings of signing clocks and the epochs of encrypted links have their own thread: a link must not fall silent because
-//! another part has much to write, or cannot be written. Once known, ceilings are read from memory, since each new one is compared
-//! with the one before.
+//! another part has much to write, or cannot be written. That thread does all of it: with a thousand vehicles some forty ceilings
+//! are due together, and no vehicle waits for forty new files. Once known, ceilings are read from memory, since each new one is
+//! compared with the one before.
 //!
 //! A record is first written under a temporary name (`authority-1b000101.json.new-7`); the thread renames it. Until then
 //! the new bytes are read from memory. A start removes what a crash left. Where a full disk has no room for that, the thread
-//! writes a record that no link works without over what is there (`keeps_its_room`).
+//! writes what a link lives by over what is there (`keeps_its_room`).
 //!
 //! If a thread cannot make a file durable, it tries that file again. What depends on the file continues to wait, and
 //! further changes of it are refused: an accepted change takes effect in the end, or never if the process ends; a refused
@@ -43,7 +44,7 @@ use zeroize::Zeroizing;
 
 pub(super) use self::writer::dirty_names;
 use self::writer::{BESIDE, Batch, Done, Grown, Waiting, write};
-use super::disk::{Added, FileDisk, is_no_room, is_numbered, keeps_its_room, replace};
+use super::disk::{Added, FileDisk, is_numbered, keeps_its_room, replace};
 use crate::session::MAX_LOG_BYTES;
 
 mod writer;
@@ -285,32 +286,31 @@ impl QueuedDisk {
         self.waiting.insert(name.to_owned(), waiting.clone());
         let next = &mut self.lanes[lane_of(name)].next;
         // Only the last of several gathered versions is synchronised.
-        if let Some(before) = next.records.insert(name.to_owned(), waiting) {
+        let before = next.records.insert(name.to_owned(), waiting);
+        if let Some(before) = before.filter(|before| before.written) {
             let _ = self.disk.system().remove(&before.beside);
         }
         next.logs.retain(|log| log.name != name);
         next.removed.remove(name);
     }
 
-    /// Writes a record, or a whole log, beside, and queues it.
+    /// Queues a record, or a whole log, which is written beside at once.
     fn put(&mut self, name: &str, bytes: Zeroizing<Vec<u8>>, log: bool) -> Result<(), StoreError> {
         let beside = self.beside(name, self.queued + 1);
+        // Nothing is promised before such a record is durable, and a full disk has room for it: so its thread writes it too.
+        // To create a file may take as long as the file system is busy with others.
+        let later = keeps_its_room(name) && self.disk.has(name);
         let system = self.disk.system();
-        let written = system.write(&beside, &bytes);
-        if let Err(cause) = &written {
+        if !later && let Err(cause) = system.write(&beside, &bytes) {
             let _ = system.remove(&beside);
-            // The thread writes it over what is there.
-            let has_room = keeps_its_room(name) && is_no_room(cause) && self.disk.has(name);
-            if !has_room {
-                return Err(StoreError::new(name, cause));
-            }
+            return Err(StoreError::new(name, cause));
         }
         let waiting = Waiting {
             change: self.queue(name),
             beside,
             bytes: Arc::new(bytes),
             log,
-            written: written.is_ok(),
+            written: !later,
         };
         self.wait_for(name, waiting);
         self.start(lane_of(name));

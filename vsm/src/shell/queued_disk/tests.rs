@@ -107,6 +107,8 @@ struct Platter {
     clean: BTreeMap<OsString, u64>,
     /// Open, so that no inode is used twice.
     held: Vec<File>,
+    /// The thread of each write.
+    writers: Vec<Option<String>>,
 }
 
 impl Forgetful {
@@ -149,7 +151,11 @@ fn names(folder: &Path) -> io::Result<BTreeMap<OsString, u64>> {
 impl FileSystem for Forgetful {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         // The folder has changed, even where the name goes again.
-        self.set(|platter| platter.clean.clear());
+        self.set(|platter| {
+            platter.clean.clear();
+            let thread = std::thread::current();
+            platter.writers.push(thread.name().map(str::to_owned));
+        });
         NativeFileSystem.write(path, bytes)
     }
 
@@ -315,6 +321,30 @@ fn a_log_that_was_put_aside_while_its_synchronisation_failed_is_written_whole_th
     heal(&mut disk);
     assert_eq!(system.left("log.1").unwrap(), b"1\n2\n");
     assert_eq!(system.left("log").unwrap(), b"3\n");
+}
+
+#[test]
+fn nobody_but_its_thread_writes_what_a_link_lives_by() {
+    let (folder, system) = (tempfile::tempdir().unwrap(), Forgetful::default());
+    let mut disk = on(&folder.path().join("state"), &system);
+    for link in ["clock-0102030405060708", "encrypted-1b000101"] {
+        // A new one is refused at once by a full disk.
+        assert_eq!(outcome(&mut disk, save(link)), Progress::Durable);
+        system.set(|platter| platter.writers.clear());
+        for _ in 0..3 {
+            let newer = outcome(&mut disk, |disk| {
+                disk.replace(link, b"1", Durability::Power).unwrap();
+                disk.replace(link, b"2", Durability::Power).unwrap();
+            });
+            assert_eq!(newer, Progress::Durable);
+        }
+        let writers = std::mem::take(&mut system.0.lock().unwrap().writers);
+        assert!(!writers.is_empty());
+        for writer in writers {
+            assert_eq!(writer.as_deref(), Some("clock-writer"));
+        }
+        assert_eq!(system.left(link).unwrap(), b"2");
+    }
 }
 
 #[test]
