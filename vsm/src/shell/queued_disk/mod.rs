@@ -1,10 +1,10 @@
 //! The disk of a running bridge: no caller waits while it synchronises.
 //!
-//! A change that must survive a power cut is written at once, so that a full or read-only disk refuses it at once. A
-//! separate thread makes it durable: `disk-writer` synchronises, renames and synchronises the folder, once for all changes
-//! that have gathered meanwhile (a group commit). [`Disk::progress`] reports how far it is, and the bridge holds back what
-//! depends on it until then. A change that must survive only the end of the process is written as by [`FileDisk`], unless the
-//! store is shared with other nodes: they do not see this folder.
+//! A change that must survive a power cut is written at once, so that a full or read-only disk refuses it at once (but what a
+//! link lives by, below). A separate thread makes it durable: `disk-writer` synchronises, renames and synchronises the
+//! folder, once for all changes that have gathered meanwhile (a group commit). [`Disk::progress`] reports how far it is, and
+//! the bridge holds back what depends on it until then. A change that must survive only the end of the process is written as
+//! by [`FileDisk`], unless the store is shared with other nodes: they do not see this folder.
 //!
 //! The ceilings of signing clocks and the epochs of encrypted links have their own thread: a link must not fall silent because
 //! another part has much to write, or cannot be written. That thread does all of it: with a thousand vehicles some forty ceilings
