@@ -39,7 +39,7 @@ use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::telemetry::Telemetry;
 use mavlink_link::dialect::MavMessage;
-use mavlink_link::service::command::{self, Outcome};
+use mavlink_link::service::command;
 use mavlink_link::service::mission;
 use mavlink_link::store::StoreError;
 use stanag_msgs::Message;
@@ -52,6 +52,7 @@ use stanag_msgs::messages::{
 
 use self::curve_stream::CurveStream;
 use self::loss_action::LossAction;
+use self::running::Unexplained;
 use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
 use self::sticks::{Due, SEEN_WITHIN, Sticks};
@@ -73,6 +74,8 @@ pub(crate) struct Flight {
     maneuver: Option<(Option<Origin>, Maneuver)>,
     /// Other commands that the maneuver carries out too, because they continue its command.
     joined: Vec<Origin>,
+    /// A maneuver that has ended, and is answered once the vehicle's reason has come.
+    unexplained: Option<Unexplained>,
     /// Waits for a report that confirms the state requested by a 2008, which the vehicle had already; it commands nothing.
     look: Option<(Origin, Maneuver)>,
     /// What 3002 and 3004 report as commanded.
@@ -260,6 +263,7 @@ impl Flight {
     ) {
         // On every input, also during a termination: its durations must not restart when the termination ends.
         self.watched.note(context.vehicle, context.mono());
+        self.explain(context, effects);
         self.held = context.termination.holds;
         if self.held {
             match input {
@@ -330,15 +334,7 @@ impl Flight {
                     && let Progress::Refused(why) = maneuver.handle_command(now, event, vehicle)
                 {
                     let origin = *origin;
-                    match event {
-                        command::Event::Done {
-                            outcome: Outcome::Answered { .. },
-                            ..
-                        // An answer proves that the mode was not entered, so its set points can end at once. Without an
-                        // answer the vehicle may still enter it.
-                        } => self.refused(context, origin, why, effects),
-                        _ => self.fail(context, origin, why, effects),
-                    }
+                    self.fail(context, origin, why, effects);
                 }
             }
             Input::MissionServiceEnded(event) => {
@@ -380,12 +376,15 @@ impl Flight {
 
     /// When a timed input is next due.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        let unexplained = self.unexplained.as_ref();
+        let unexplained = unexplained.and_then(|one| one.refusal.poll_timeout());
         // A deadline that is not acted on would stay in the past, and the machine would be polled in a busy loop.
         if self.held {
-            return None;
+            return unexplained;
         }
         let maneuver = self.maneuver.as_ref();
         [
+            unexplained,
             maneuver.and_then(|(_, maneuver)| maneuver.poll_timeout()),
             self.look.as_ref().and_then(|(_, seen)| seen.poll_timeout()),
             self.sticks.poll_timeout(),

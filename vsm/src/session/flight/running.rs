@@ -17,7 +17,27 @@ use super::{Context, Flight, curve_stream, select};
 use crate::config::OnLoss;
 use crate::session::context::{Continues, Origin};
 use crate::session::effects::{Effects, Request};
-use crate::session::maneuver::{Maneuver, Progress};
+use crate::session::link::state::VehicleState;
+use crate::session::maneuver::{Maneuver, Progress, Refusal};
+
+/// A maneuver that has ended, and is answered once the vehicle's reason has come or does not come.
+#[derive(Debug)]
+pub(super) struct Unexplained {
+    origin: Option<Origin>,
+    /// Other commands that it carried out.
+    joined: Vec<Origin>,
+    pub(super) refusal: Refusal,
+}
+
+impl Unexplained {
+    fn answer(self, vehicle: &VehicleState, effects: &mut Effects<'_>) {
+        effects.refuse(self.origin, self.refusal.text(vehicle));
+        // For the same reason, which is sent once.
+        for joined in self.joined {
+            effects.acknowledge(&joined, AckType::Refused);
+        }
+    }
+}
 
 impl Flight {
     pub(super) fn begin(
@@ -208,7 +228,7 @@ impl Flight {
             running.abandon(context.mono(), context.vehicle, effects.vehicle);
             self.give_up_streams(context);
             self.forget_commanded(context);
-            self.refuse(origin, why, effects);
+            self.refuse(context, origin, why.to_owned().into(), effects);
         }
         if let Some((origin, _)) = self.look.take_if(|(origin, _)| ends(Some(*origin))) {
             effects.refuse(Some(origin), why);
@@ -262,7 +282,7 @@ impl Flight {
                 self.commanded.speed_leg =
                     uploaded.and_then(|uploaded| report::to_index(telemetry, &uploaded.compiled));
                 self.maneuver = None;
-                for origin in origin.into_iter().chain(std::mem::take(&mut self.joined)) {
+                for origin in origin.into_iter().chain(mem::take(&mut self.joined)) {
                     effects.acknowledge(&origin, AckType::CarriedOut);
                 }
             }
@@ -292,51 +312,60 @@ impl Flight {
         match seen.advance(context.mono(), context.vehicle, effects.vehicle) {
             Progress::Going => return,
             Progress::Done => effects.acknowledge(&origin, AckType::CarriedOut),
-            Progress::Refused(why) => effects.refuse(Some(origin), why),
+            Progress::Refused(why) => effects.refuse(Some(origin), why.text(context.vehicle)),
         }
         self.look = None;
-    }
-
-    /// The vehicle refused a command of the maneuver: a refused mode is not entered.
-    pub(super) fn refused(
-        &mut self,
-        context: &Context<'_>,
-        origin: Option<Origin>,
-        why: String,
-        effects: &mut Effects<'_>,
-    ) {
-        if context.vehicle.telemetry.mode != Some(Px4Mode::OFFBOARD) {
-            self.steering.release();
-        }
-        self.breaks_off = self.breaks_off.take().and_then(BreakOff::refused);
-        self.fail(context, origin, why, effects);
     }
 
     pub(super) fn fail(
         &mut self,
         context: &Context<'_>,
         origin: Option<Origin>,
-        why: String,
+        why: Refusal,
         effects: &mut Effects<'_>,
     ) {
+        // An answer proves that the mode was not entered, so its set points can end at once. Without an answer the vehicle may
+        // still enter it.
+        if why.is_by_vehicle() {
+            if context.vehicle.telemetry.mode != Some(Px4Mode::OFFBOARD) {
+                self.steering.release();
+            }
+            self.breaks_off = self.breaks_off.take().and_then(BreakOff::refused);
+        }
         if let Some((_, mut maneuver)) = self.maneuver.take() {
             maneuver.abandon(context.mono(), context.vehicle, effects.vehicle);
         }
         self.give_up_streams(context);
         self.forget_commanded(context);
-        self.refuse(origin, why, effects);
+        self.refuse(context, origin, why, effects);
     }
 
+    /// Answers the commands of the maneuver, or lets them wait for the vehicle's reason.
     fn refuse(
         &mut self,
+        context: &Context<'_>,
         origin: Option<Origin>,
-        why: impl Into<String>,
+        refusal: Refusal,
         effects: &mut Effects<'_>,
     ) {
-        effects.refuse(origin, why);
-        // For the same reason, which is sent once.
-        for joined in std::mem::take(&mut self.joined) {
-            effects.acknowledge(&joined, AckType::Refused);
+        let unexplained = Unexplained {
+            origin,
+            joined: mem::take(&mut self.joined),
+            refusal,
+        };
+        // One waits at most: what follows so soon is not to pile up.
+        if let Some(before) = self.unexplained.replace(unexplained) {
+            before.answer(context.vehicle, effects);
+        }
+        self.explain(context, effects);
+    }
+
+    /// Answers a refused maneuver once it is explained.
+    pub(super) fn explain(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let explained =
+            |one: &mut Unexplained| !one.refusal.awaits_reason(context.mono(), context.vehicle);
+        if let Some(one) = self.unexplained.take_if(explained) {
+            one.answer(context.vehicle, effects);
         }
     }
 

@@ -18,6 +18,8 @@ use crate::session::testing::{World, acknowledgements, origin};
 
 const ACCEPTED: MavResult = MavResult::MAV_RESULT_ACCEPTED;
 const DENIED: MavResult = MavResult::MAV_RESULT_DENIED;
+/// What the vehicle says with its answer.
+const REASON: &str = "Switching to this mode is currently not available";
 
 pub(super) fn handle(world: &mut World, flight: &mut Flight, input: Input<'_>) {
     world.act(|common, views, effects| {
@@ -75,6 +77,9 @@ fn mode_after_demand(
 
 /// The vehicle answers a change of mode.
 fn answer_mode(world: &mut World, flight: &mut Flight, result: MavResult) -> Vec<AckType> {
+    if result != ACCEPTED {
+        world.vehicle.complain(world.now.mono, REASON);
+    }
     for event in world.answer(MavCmd::MAV_CMD_DO_SET_MODE, result) {
         handle(world, flight, Input::CommandEnded(&event));
     }
@@ -246,6 +251,49 @@ fn set_points_end_when_their_mode_is_refused_or_left() {
     world.show_mode(Px4Mode::POSCTL);
     handle(&mut world, &mut flight, Input::Advance);
     assert!(!steers(&world, &flight));
+}
+
+/// The reason may come behind the answer: the maneuver ends with the answer, and is answered with the reason.
+#[test]
+fn a_refused_mode_is_answered_once_the_vehicles_reason_has_come_or_does_not_come() {
+    use crate::session::link::state::REASON_WITHIN;
+    for (comes, terminated) in [(true, false), (false, false), (false, true)] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+        command(&mut world, &mut flight, turn_to(0.0));
+        world.commanded_modes();
+        for event in world.answer(MavCmd::MAV_CMD_DO_SET_MODE, DENIED) {
+            handle(&mut world, &mut flight, Input::CommandEnded(&event));
+        }
+        assert!(!steers(&world, &flight) && !flight.view().maneuver);
+        let due = flight.poll_timeout().expect("the answer");
+        assert_eq!(due, world.now.mono + REASON_WITHIN);
+        if terminated {
+            world.termination.holds = true;
+            handle(&mut world, &mut flight, Input::YieldToTermination);
+        }
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(acknowledgements(&world.sent_to(0)), []);
+        let wait = if comes {
+            REASON_WITHIN / 4
+        } else {
+            REASON_WITHIN
+        };
+        world.advance(wait);
+        if comes {
+            world.vehicle.complain(world.now.mono, REASON);
+        }
+        handle(&mut world, &mut flight, Input::Advance);
+        let sent = world.sent_to(0);
+        assert_eq!(acknowledgements(&sent), [AckType::Refused]);
+        let texts = sent.iter().filter_map(|message| match message {
+            Message::SubsystemStatusAlert(alert) => Some(alert.text.as_ref()?.as_str()),
+            _ => None,
+        });
+        let text: String = texts.collect();
+        assert!(text.contains("the vehicle answered: denied"), "{text}");
+        assert_eq!(text.contains(REASON), comes, "{text}");
+        assert_eq!(flight.poll_timeout(), None);
+    }
 }
 
 #[test]

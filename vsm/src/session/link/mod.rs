@@ -364,9 +364,12 @@ impl VehicleLink {
             self.events.push_back(VehicleEvent::Parameter(event));
         }
         while let Some(text) = self.texts.poll_event() {
-            // PX4 gives the reason for a refused command only by STATUSTEXT. A lower number is more severe.
-            if text.severity as u32 <= MavSeverity::MAV_SEVERITY_WARNING as u32 {
-                vehicle.complaint = Some((now, text.text.clone()));
+            // PX4 gives the reason for a refused command only by STATUSTEXT. A lower number is more severe. What a camera or a
+            // companion computer warns of is no reason of the autopilot.
+            if text.from == self.vehicle
+                && text.severity as u32 <= MavSeverity::MAV_SEVERITY_WARNING as u32
+            {
+                vehicle.complain(now, &text.text);
             }
             self.events.push_back(VehicleEvent::Text(text));
         }

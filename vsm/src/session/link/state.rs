@@ -2,6 +2,7 @@
 //!
 //! Only the link machine writes it, from verified frames of the autopilot; every other machine reads it.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
@@ -28,7 +29,8 @@ pub(crate) struct VehicleState {
     pub(super) progress_boot_ms: Option<u32>,
     pub(super) progress_at: Option<Duration>,
     pub(super) state_is_newer: bool,
-    pub(super) complaint: Option<(Duration, String)>,
+    /// Warnings of the autopilot by STATUSTEXT, the oldest first.
+    complaints: VecDeque<(Duration, String)>,
     /// When its values were measured.
     pub(crate) measured: Measured,
 }
@@ -47,7 +49,7 @@ impl Default for VehicleState {
             progress_boot_ms: None,
             progress_at: None,
             state_is_newer: true,
-            complaint: None,
+            complaints: VecDeque::new(),
             measured: Measured::default(),
         }
     }
@@ -149,18 +151,39 @@ impl VehicleState {
         kind.map_or(0, |kind: MavType| kind as u16)
     }
 
-    /// The vehicle's STATUSTEXT warning, to be appended to the refusal of what was begun at `since`: the last one after that, or
-    /// a recent one.
-    pub(crate) fn latest_complaint(&self, now: Duration, since: Duration) -> Option<String> {
-        let (at, text) = self.complaint.as_ref()?;
-        let is_recent = now.saturating_sub(*at) < COMPLAINT_LIFE;
-        (is_recent || *at >= since).then(|| format!(" ({text})"))
+    /// Whether a complaint has come at this time or later.
+    pub(crate) fn has_complained(&self, since: Duration) -> bool {
+        self.complaints.back().is_some_and(|(at, _)| *at >= since)
     }
 
-    /// Makes it complain, without a link.
-    #[cfg(test)]
+    /// The vehicle's reason, to be appended to the refusal of what it was sent at `since` and has answered, or judged, at
+    /// `answered`. PX4 sends its STATUSTEXT in the turn in which it answers, or some turns later where others wait before it, so the
+    /// first complaint after the answer is the reason; a much later one only if there was none before the answer.
+    pub(crate) fn complaint(&self, since: Duration, answered: Duration) -> Option<String> {
+        let mut before = None;
+        let mut after = None;
+        for complaint in self.complaints.iter().filter(|(at, _)| *at >= since) {
+            if complaint.0 < answered {
+                before = Some(complaint);
+            } else {
+                after = after.or(Some(complaint));
+            }
+        }
+        let late = |(at, _): &&(Duration, String)| *at > answered + REASON_WITHIN;
+        let (_, text) = match before {
+            Some(before) => after.filter(|after| !late(after)).unwrap_or(before),
+            None => after?,
+        };
+        Some(format!(" ({text})"))
+    }
+
+    /// The autopilot complains. The oldest complaint is forgotten where there are many.
     pub(crate) fn complain(&mut self, now: Duration, text: &str) {
-        self.complaint = Some((now, text.to_owned()));
+        if self.complaints.len() == MAX_COMPLAINTS {
+            self.complaints.pop_front();
+        }
+        let text = text.chars().take(MAX_COMPLAINT).collect();
+        self.complaints.push_back((now, text));
     }
 }
 
@@ -174,5 +197,54 @@ pub(crate) const SILENCE: Duration = Duration::from_millis(3_500);
 const NO_HEARTBEAT: Duration = Duration::from_secs(10);
 /// The bridge knows the vehicle still after it did not run for this long.
 const MAX_STOP: Duration = Duration::from_secs(60);
-/// A warning is taken as the reason of a refusal that follows within this time, although what is refused began after it.
-const COMPLAINT_LIFE: Duration = Duration::from_secs(3);
+/// How long after its answer PX4's reason may come: the turns of its link are 10 ms apart, it sends one text every 50 ms, and
+/// some others may wait before it (0.13 s in recordings); on a radio another frame may come in between.
+pub(crate) const REASON_WITHIN: Duration = Duration::from_millis(500);
+/// More than PX4 sends about one command; what comes in the minutes until it is given up must not push the reason out.
+const MAX_COMPLAINTS: usize = 16;
+/// Characters that are kept of one. PX4's longest have 127 bytes.
+const MAX_COMPLAINT: usize = 200;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is given as the reason of a command sent at 10.0 s and answered at 10.1 s.
+    fn reason(complaints: &[(u64, &str)]) -> Option<String> {
+        let at = Duration::from_millis;
+        let mut vehicle = VehicleState::default();
+        for (ms, text) in complaints {
+            vehicle.complain(at(*ms), text);
+        }
+        vehicle.complaint(at(10_000), at(10_100))
+    }
+
+    #[test]
+    fn the_reason_of_an_answer_is_what_the_vehicle_says_with_it_whatever_it_says_later() {
+        let reason = |complaints: &[_]| reason(complaints).unwrap_or_default();
+        assert_eq!(reason(&[]), "");
+        // From before the command.
+        assert_eq!(reason(&[(9_900, "low battery")]), "");
+        // With the answer, or just after or before it.
+        for ms in [10_100, 10_150, 10_050] {
+            let said = [(9_900, "wind"), (ms, "denied"), (11_000, "low battery")];
+            assert_eq!(reason(&said), " (denied)", "{ms}");
+        }
+        assert_eq!(reason(&[(10_050, "wind"), (10_150, "denied")]), " (denied)");
+        // PX4 may notice only later that it cannot do what it has accepted.
+        assert_eq!(reason(&[(40_000, "failsafe")]), " (failsafe)");
+    }
+
+    #[test]
+    fn however_much_a_vehicle_complains_little_is_kept() {
+        let long = "x".repeat(12_000);
+        let said: Vec<_> = (10_000..11_000).map(|ms| (ms, long.as_str())).collect();
+        let mut vehicle = VehicleState::default();
+        for (ms, text) in &said {
+            vehicle.complain(Duration::from_millis(*ms), text);
+        }
+        assert_eq!(vehicle.complaints.len(), MAX_COMPLAINTS);
+        let length = reason(&said).map(|reason| reason.len());
+        assert_eq!(length, Some(MAX_COMPLAINT + " ()".len()));
+    }
+}

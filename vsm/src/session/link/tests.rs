@@ -4,7 +4,7 @@
 use mavlink_link::clock::Origin;
 use mavlink_link::dialect::{
     ATTITUDE_DATA, EXTENDED_SYS_STATE_DATA, HEARTBEAT_DATA, MavLandedState, MavMessage,
-    MavVtolState,
+    MavVtolState, STATUSTEXT_DATA,
 };
 use mavlink_link::frame::{FrameView, Header, INCOMPAT_SIGNED, MAX_FRAME, encode};
 use mavlink_link::link::{LinkConfig, Security};
@@ -36,10 +36,14 @@ fn receive(
 }
 
 fn send(world: &mut World, link: &mut VehicleLink, system_id: u8, message: &MavMessage) {
+    send_from(world, link, Node::new(system_id, AUTOPILOT), message);
+}
+
+fn send_from(world: &mut World, link: &mut VehicleLink, from: Node, message: &MavMessage) {
     let header = Header {
         seq: 0,
-        system_id,
-        component_id: AUTOPILOT,
+        system_id: from.system,
+        component_id: from.component,
         message_id: 0,
         incompat: 0,
         compat: 0,
@@ -190,6 +194,34 @@ fn another_system_is_not_believed() {
     let events = receive(&mut world, &mut link, VEHICLE + 1, &heartbeat(1));
     assert_eq!(events, []);
     assert!(!world.vehicle.live() && world.vehicle.telemetry.mode.is_none());
+}
+
+#[test]
+fn only_a_warning_of_the_autopilot_is_a_reason_of_a_refusal() {
+    let (mut world, mut link) = start();
+    let reason = |world: &World| {
+        let now = world.now.mono;
+        world.vehicle.complaint(now, now).unwrap_or_default()
+    };
+    let mut warn = |world: &mut World, from: Node, severity, text: &str| {
+        let text = MavMessage::STATUSTEXT(STATUSTEXT_DATA {
+            severity,
+            text: text.into(),
+            ..STATUSTEXT_DATA::default()
+        });
+        send_from(world, &mut link, from, &text);
+    };
+    let (critical, info) = (
+        MavSeverity::MAV_SEVERITY_CRITICAL,
+        MavSeverity::MAV_SEVERITY_INFO,
+    );
+    let autopilot = Node::new(VEHICLE, AUTOPILOT);
+    warn(&mut world, Node::new(VEHICLE, 100), critical, "card full");
+    warn(&mut world, Node::new(VEHICLE + 1, AUTOPILOT), critical, "x");
+    warn(&mut world, autopilot, info, "Executing Mission");
+    assert_eq!(reason(&world), "");
+    warn(&mut world, autopilot, critical, "No valid mission");
+    assert_eq!(reason(&world), " (No valid mission)");
 }
 
 #[test]

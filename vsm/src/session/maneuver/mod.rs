@@ -7,9 +7,11 @@
 //! found or led to, a pilot or a failsafe has taken it, and the maneuver commands nothing more.
 
 mod confirmation;
+mod refusal;
 mod step;
 
 pub(crate) use confirmation::{Climb, Confirmation};
+pub(crate) use refusal::Refusal;
 pub(crate) use step::{
     Step, arm, change_altitude, change_speed, climbed, course, disarm, enter, figure_eight,
     go_around, launch, launch_vtol, launch_wing, mode_after, orbit, reposition, set_mode,
@@ -25,6 +27,7 @@ use mavlink_link::dialect::{MavCmd, MavLandedState, MavResult};
 use mavlink_link::service::command::{self, Command, Outcome, Ticket};
 use mavlink_link::service::mission;
 
+use self::refusal::Answered;
 use super::link::services::Services;
 use super::link::state::VehicleState;
 
@@ -33,7 +36,7 @@ use super::link::state::VehicleState;
 pub(crate) enum Progress {
     Going,
     Done,
-    Refused(String),
+    Refused(Refusal),
 }
 
 /// The machine.
@@ -51,6 +54,8 @@ pub(crate) struct Maneuver {
     unanswered: Option<(&'static str, u8)>,
     /// When the command in front, or the last one, was first sent.
     commanded_at: Option<Duration>,
+    /// When the vehicle has accepted it.
+    answered_at: Option<Duration>,
 }
 
 /// The mode in which the next command of a maneuver is sent.
@@ -122,6 +127,7 @@ impl Maneuver {
             armed_by_us: false,
             unanswered: None,
             commanded_at: None,
+            answered_at: None,
         }
     }
 
@@ -233,6 +239,7 @@ impl Maneuver {
             } => {
                 // Noted before the state confirms it: a launch that fails in between must be undone too.
                 self.armed_by_us |= command.command == MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
+                self.answered_at = Some(now);
                 self.next();
                 Progress::Going
             }
@@ -249,12 +256,12 @@ impl Maneuver {
                 Progress::Going
             }
             Outcome::Answered { result, .. } => {
-                // PX4 sends the reason separately, by STATUSTEXT.
-                let why = self.complaint(now, vehicle);
-                Progress::Refused(format!(
-                    "{what}: the vehicle answered: {}{why}",
-                    name(result)
-                ))
+                let why = format!("{what}: the vehicle answered: {}", name(result));
+                let answered = Answered {
+                    sent: self.commanded_at.unwrap_or(now),
+                    at: now,
+                };
+                Progress::Refused(Refusal::by_vehicle(why, answered))
             }
             // If the link loses every COMMAND_ACK, the command may have been carried out all the same, and an operator who
             // reads that it was refused would be misled. What the vehicle has shown since decides.
@@ -265,9 +272,9 @@ impl Maneuver {
                 Progress::Going
             }
             Outcome::NoAnswer { tries } => {
-                Progress::Refused(format!("{}: {MAY_BE_DONE}", no_answer(what, tries)))
+                refused(format!("{}: {MAY_BE_DONE}", no_answer(what, tries)))
             }
-            Outcome::Withdrawn => Progress::Refused(format!("{what}: withdrawn")),
+            Outcome::Withdrawn => refused(format!("{what}: withdrawn")),
         }
     }
 
@@ -292,7 +299,7 @@ impl Maneuver {
             mission::Event::Failed {
                 operation: mission::Operation::SetCurrent,
                 ..
-            } => Progress::Refused(format!(
+            } => refused(format!(
                 "the vehicle does not show that it goes to mission item {}{}{}",
                 items.end(),
                 self.complaint(now, vehicle),
@@ -320,7 +327,7 @@ impl Maneuver {
             if let (Basis::Lost(mode), true) = (self.basis, self.commands_more()) {
                 // The motors must not stop under a pilot who has taken the vehicle over on the ground.
                 self.undo = None;
-                return Progress::Refused(format!(
+                return refused(format!(
                     "the vehicle is in {} now, by its pilot or a failsafe",
                     mode.name()
                 ));
@@ -335,7 +342,7 @@ impl Maneuver {
                     },
                 ) => {
                     let patient_until = now + *patience;
-                    self.commanded_at = Some(now);
+                    (self.commanded_at, self.answered_at) = (Some(now), None);
                     // The steps since the unanswered command have been confirmed, so it no longer explains a failure.
                     self.unanswered = None;
                     // The vehicle may leave its present mode from here on, and that is not a pilot's doing.
@@ -358,11 +365,11 @@ impl Maneuver {
                     }
                 }
                 (Waiting::Nothing, Step::SetCurrent(items)) => {
-                    self.commanded_at = Some(now);
+                    (self.commanded_at, self.answered_at) = (Some(now), None);
                     match services.missions.set_current(now, items.clone()) {
                         Ok(()) => self.waiting = Waiting::Current,
                         Err(busy) => {
-                            return Progress::Refused(format!("the mission service is {busy}"));
+                            return refused(format!("the mission service is {busy}"));
                         }
                     }
                 }
@@ -412,7 +419,7 @@ impl Maneuver {
                         let unanswered =
                             self.unanswered.map(|(what, tries)| no_answer(what, tries));
                         let unanswered = unanswered.map(|text| format!("{text}, and "));
-                        return Progress::Refused(format!(
+                        return refused(format!(
                             "{}the vehicle does not show {}{why}{}",
                             unanswered.unwrap_or_default(),
                             confirmation.awaited(vehicle),
@@ -511,8 +518,9 @@ impl Maneuver {
     /// What the vehicle has complained about since the command, to be appended to a refusal: PX4 sends its reason at once, and
     /// what is awaited may be given up only seconds later.
     fn complaint(&self, now: Duration, vehicle: &VehicleState) -> String {
-        let since = self.commanded_at.unwrap_or(now);
-        vehicle.latest_complaint(now, since).unwrap_or_default()
+        let sent = self.commanded_at.unwrap_or(now);
+        let answered = self.answered_at.unwrap_or(sent);
+        vehicle.complaint(sent, answered).unwrap_or_default()
     }
 
     fn next(&mut self) {
@@ -534,8 +542,12 @@ fn submit(
             ticket,
             patient_until,
         }),
-        Err(full) => Err(Progress::Refused(format!("{what}: {full}"))),
+        Err(full) => Err(refused(format!("{what}: {full}"))),
     }
+}
+
+fn refused(why: String) -> Progress {
+    Progress::Refused(why.into())
 }
 
 fn no_answer(what: &str, tries: u8) -> String {
@@ -613,12 +625,55 @@ mod tests {
             }
             assert_eq!(advance(&mut maneuver, &mut world), Progress::Going);
             world.advance(Duration::from_secs(60));
-            let Progress::Refused(why) = advance(&mut maneuver, &mut world) else {
+            if after_command {
+                let now = world.now.mono;
+                world.vehicle.complain(now, "Low battery");
+            }
+            let Progress::Refused(refusal) = advance(&mut maneuver, &mut world) else {
                 panic!("it is not shown");
             };
+            let why = refusal.text(&world.vehicle);
             assert_eq!(why.contains("outside geofence"), after_command, "{why}");
             // A vehicle that is not received may fly it.
             assert_eq!(why.contains(MAY_BE_DONE), !live, "{why}");
+        }
+    }
+
+    /// As in recordings of PX4: its COMMAND_ACK, and up to 0.13 s later the STATUSTEXT. A warning of before the command is none of
+    /// its reasons.
+    #[test]
+    fn a_refusal_waits_for_the_reason_that_comes_behind_the_answer() {
+        for reason_after_ms in [Some(0), Some(130), None] {
+            let mut world = World::airborne(Px4Mode::LOITER);
+            let mut maneuver = Maneuver::new(change_altitude(500.0), Commanded::default());
+            let now = world.now.mono;
+            world.vehicle.complain(now, "High wind");
+            world.advance(Duration::from_millis(10));
+            assert_eq!(advance(&mut maneuver, &mut world), Progress::Going);
+            world.commanded_modes();
+            let command = MavCmd::MAV_CMD_DO_CHANGE_ALTITUDE;
+            let denied = world.answer(command, MavResult::MAV_RESULT_DENIED);
+            let [event] = denied.as_slice() else {
+                panic!("one answer, not {denied:?}");
+            };
+            let now = world.now.mono;
+            let progress = maneuver.handle_command(now, event, &world.vehicle);
+            let Progress::Refused(refusal) = progress else {
+                panic!("it is denied, not {progress:?}");
+            };
+            assert!(refusal.is_by_vehicle() && refusal.awaits_reason(now, &world.vehicle));
+            let until = refusal.poll_timeout().expect("a while");
+            if let Some(ms) = reason_after_ms {
+                let at = now + Duration::from_millis(ms);
+                assert!(refusal.awaits_reason(at, &world.vehicle));
+                world.vehicle.complain(at, "No altitude");
+                assert!(!refusal.awaits_reason(at, &world.vehicle));
+                world.vehicle.complain(until, "Low battery");
+            }
+            assert!(!refusal.awaits_reason(until, &world.vehicle));
+            let reason = reason_after_ms.map_or("", |_| " (No altitude)");
+            let text = refusal.text(&world.vehicle);
+            assert!(text.ends_with(&format!("denied{reason}")), "{text}");
         }
     }
 }

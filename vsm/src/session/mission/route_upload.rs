@@ -20,7 +20,7 @@ use super::record::UploadedMission;
 use super::upload::{self, Fault, Upload};
 use crate::session::link::services::Services;
 use crate::session::link::state::VehicleState;
-use crate::session::maneuver::{self, Maneuver};
+use crate::session::maneuver::{self, Maneuver, Refusal};
 
 /// The machine.
 #[derive(Debug)]
@@ -35,6 +35,8 @@ pub(super) struct RouteUpload {
     pub(super) mission_id: Option<u32>,
     /// When it was first given to the vehicle.
     began: Option<Duration>,
+    /// When the vehicle had all of it, or the fence within which it has to be after that: it judges the route then.
+    judged: Option<Duration>,
     /// What to compile; `None` for a route that was compiled before.
     route: Option<UaRoute>,
     /// For a mode: checked alone. Other messages of a CUCS, perhaps half of another upload, must not prevent a contingency
@@ -58,6 +60,8 @@ enum Phase {
         maneuver: Box<Maneuver>,
         compiled: CompiledMission,
     },
+    /// The vehicle has refused that, and its reason may still come.
+    NotHeld(Refusal),
     Upload {
         upload: Upload,
         compiled: CompiledMission,
@@ -103,6 +107,7 @@ impl RouteUpload {
             held: false,
             mission_id: None,
             began: None,
+            judged: None,
             route: Some(route.clone()),
             alone,
         }
@@ -119,6 +124,7 @@ impl RouteUpload {
             held: false,
             mission_id: None,
             began: None,
+            judged: None,
             // Not compiled again: the vehicle gets the items of the last load, byte for byte.
             route: None,
             alone: false,
@@ -169,8 +175,9 @@ impl RouteUpload {
                     Outcome::Going
                 }
                 maneuver::Progress::Done => self.send(now, compiled, vehicle),
-                maneuver::Progress::Refused(why) => not_held(&why),
+                maneuver::Progress::Refused(why) => self.not_held(now, why, state),
             },
+            Phase::NotHeld(why) => self.not_held(now, why, state),
             Phase::Upload {
                 mut upload,
                 compiled,
@@ -178,6 +185,7 @@ impl RouteUpload {
                 let mut mission = state.telemetry.mission;
                 if let Some(at) = fence_read_at {
                     upload.judged_from(at);
+                    self.judged = self.judged.max(Some(at));
                     // Until then PX4 reports what it found before, within its former fence.
                     mission = mission.filter(|_| state.progress_at() >= Some(at));
                 }
@@ -186,7 +194,7 @@ impl RouteUpload {
                     .is_some_and(|mission| mission.state != MissionState::MISSION_STATE_NO_MISSION);
                 let named = mission.map(|mission| mission.mission_id);
                 let progress = upload.check(now, named, flyable);
-                self.follow(now, progress, upload, compiled, state)
+                self.follow(progress, upload, compiled, state)
             }
             Phase::Ended => Outcome::Going,
         }
@@ -203,10 +211,7 @@ impl RouteUpload {
             return Outcome::Going;
         };
         match maneuver.handle_command(now, event, state) {
-            maneuver::Progress::Refused(why) => {
-                self.phase = Phase::Ended;
-                not_held(&why)
-            }
+            maneuver::Progress::Refused(why) => self.not_held(now, why, state),
             maneuver::Progress::Going | maneuver::Progress::Done => Outcome::Going,
         }
     }
@@ -224,8 +229,11 @@ impl RouteUpload {
                 mut upload,
                 compiled,
             } => {
+                if let mission::Event::Uploaded { .. } = event {
+                    self.judged = Some(now);
+                }
                 let progress = upload.handle(now, event, &compiled.items, vehicle);
-                self.follow(now, progress, upload, compiled, state)
+                self.follow(progress, upload, compiled, state)
             }
             other => {
                 self.phase = other;
@@ -239,6 +247,7 @@ impl RouteUpload {
         match &self.phase {
             Phase::Site { deadline } => Some(*deadline),
             Phase::Hold { maneuver, .. } => maneuver.poll_timeout(),
+            Phase::NotHeld(why) => why.poll_timeout(),
             Phase::Upload { upload, .. } => upload.poll_timeout(),
             // Begins with the next step, which follows at once.
             Phase::Again { .. } | Phase::Ended => None,
@@ -261,8 +270,19 @@ impl RouteUpload {
                 upload.cancel(vehicle);
                 upload.touched()
             }
-            Phase::Again { .. } | Phase::Site { .. } | Phase::Ended => false,
+            Phase::Again { .. } | Phase::Site { .. } | Phase::NotHeld(_) | Phase::Ended => false,
         }
+    }
+
+    /// The vehicle does not hold: ends it once the reason has come.
+    fn not_held(&mut self, now: Duration, why: Refusal, state: &VehicleState) -> Outcome {
+        if why.awaits_reason(now, state) {
+            self.phase = Phase::NotHeld(why);
+            return Outcome::Going;
+        }
+        self.phase = Phase::Ended;
+        let why = format!("the vehicle does not hold: {}", why.text(state));
+        refused(None, why, false)
     }
 
     /// Compiles the route to mission items; `None` if it must `wait` for reports of the vehicle.
@@ -365,7 +385,6 @@ impl RouteUpload {
 
     fn follow(
         &mut self,
-        now: Duration,
         progress: upload::Progress,
         upload: Upload,
         compiled: CompiledMission,
@@ -387,11 +406,36 @@ impl RouteUpload {
                 let waypoint = item.and_then(|item| compiled.waypoint_of.get(item).copied());
                 Outcome::Refused {
                     waypoint,
-                    why: explain(&fault, (now, self.began.unwrap_or(now)), state),
+                    why: self.explain(&fault, state),
                     touched: upload.touched(),
                     flaw: fault.is_flaw(),
                 }
             }
+        }
+    }
+
+    fn explain(&self, fault: &Fault, state: &VehicleState) -> String {
+        // A read-back of many seconds follows, with other warnings.
+        let complaint = || {
+            let began = self.began?;
+            state.complaint(began, self.judged.map_or(began, |judged| judged.max(began)))
+        };
+        let complaint = || complaint().unwrap_or_default();
+        match fault {
+            Fault::Service { operation, .. } => {
+                let what = if *operation == Operation::Upload {
+                    "upload"
+                } else {
+                    "read-back"
+                };
+                format!("{what}: {}", fault.explain("plan"))
+            }
+            Fault::NotNamed => format!(
+                "the vehicle does not report the loaded route as its mission{}",
+                complaint()
+            ),
+            Fault::Unusable => format!("{}{}", fault.explain("route"), complaint()),
+            Fault::NotSent(_) | Fault::NotRead(_) | Fault::Differs(_) => fault.explain("plan"),
         }
     }
 }
@@ -404,31 +448,6 @@ fn is_of_upload(fault: &Fault) -> bool {
             ..
         }
     )
-}
-
-fn explain(fault: &Fault, (now, began): (Duration, Duration), state: &VehicleState) -> String {
-    // PX4 judges the route when it has the last item, and a read-back of many seconds may follow.
-    let complaint = || state.latest_complaint(now, began).unwrap_or_default();
-    match fault {
-        Fault::Service { operation, .. } => {
-            let what = if *operation == Operation::Upload {
-                "upload"
-            } else {
-                "read-back"
-            };
-            format!("{what}: {}", fault.explain("plan"))
-        }
-        Fault::NotNamed => format!(
-            "the vehicle does not report the loaded route as its mission{}",
-            complaint()
-        ),
-        Fault::Unusable => format!("{}{}", fault.explain("route"), complaint()),
-        Fault::NotSent(_) | Fault::NotRead(_) | Fault::Differs(_) => fault.explain("plan"),
-    }
-}
-
-fn not_held(why: &str) -> Outcome {
-    refused(None, format!("the vehicle does not hold: {why}"), false)
 }
 
 fn refused(waypoint: Option<u16>, why: String, touched: bool) -> Outcome {

@@ -1,0 +1,65 @@
+//! Why a maneuver has failed, with the reason of the vehicle, for which the answer to its command may have to wait.
+//!
+//! PX4 refuses a command by COMMAND_ACK, and sends the reason by STATUSTEXT: in the same turn of its link, in another datagram, or
+//! a little later. What a refusal ends is ended at once; only its report waits.
+
+use std::time::Duration;
+
+use crate::session::link::state::{REASON_WITHIN, VehicleState};
+
+/// Why a maneuver has failed.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Refusal {
+    why: String,
+    answered: Option<Answered>,
+}
+
+/// The command that the vehicle has refused.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Answered {
+    /// When it was first sent.
+    pub(super) sent: Duration,
+    pub(super) at: Duration,
+}
+
+impl Refusal {
+    /// The vehicle has refused a command, and sends its reason apart from that.
+    pub(super) fn by_vehicle(why: String, answered: Answered) -> Refusal {
+        Refusal {
+            why,
+            answered: Some(answered),
+        }
+    }
+
+    /// Whether the vehicle has answered that it does not do what was commanded.
+    pub(crate) fn is_by_vehicle(&self) -> bool {
+        self.answered.is_some()
+    }
+
+    /// Whether the vehicle's reason may still come.
+    pub(crate) fn awaits_reason(&self, now: Duration, vehicle: &VehicleState) -> bool {
+        let comes = |at| now < at + REASON_WITHIN && !vehicle.has_complained(at);
+        self.answered.is_some_and(|answered| comes(answered.at))
+    }
+
+    /// When nothing more is awaited.
+    pub(crate) fn poll_timeout(&self) -> Option<Duration> {
+        self.answered.map(|answered| answered.at + REASON_WITHIN)
+    }
+
+    /// The text for an operator, with the vehicle's reason as far as it has come.
+    pub(crate) fn text(self, vehicle: &VehicleState) -> String {
+        let reason = |of: Answered| vehicle.complaint(of.sent, of.at);
+        let reason = self.answered.and_then(reason).unwrap_or_default();
+        self.why + &reason
+    }
+}
+
+impl From<String> for Refusal {
+    fn from(why: String) -> Refusal {
+        Refusal {
+            why,
+            answered: None,
+        }
+    }
+}
