@@ -56,6 +56,8 @@ pub(crate) enum Cause {
     AltitudeBand,
     /// The geofence aboard is not the loaded one.
     Fence,
+    /// The vehicle holds a route whose load ended early.
+    EndedLoad,
     /// The vehicle finds the route aboard infeasible within its fence.
     Infeasible,
     /// The rally points aboard are not those of the configuration.

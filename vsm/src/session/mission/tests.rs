@@ -673,6 +673,48 @@ fn a_vehicle_that_holds_a_route_whose_load_was_cancelled_or_failed_is_named_once
     }
 }
 
+/// The vehicle has taken the route of the first load, and nothing of the second.
+#[test]
+fn a_later_load_that_ends_early_too_hides_no_route_that_the_vehicle_holds() {
+    let (mut world, mut mission) = ready();
+    let id = plan_id(&compiled(&mut world, &mission));
+    world.vehicle.telemetry.mission = named(id + 1, 0);
+    for first in [true, false] {
+        command(&mut world, &mut mission, transfer(Mode::Load));
+        if first {
+            let progress = Event::Progress {
+                operation: Operation::Upload,
+                done: 1,
+                total: 2,
+                percent: 50,
+            };
+            handle(&mut world, &mut mission, Input::ServiceEnded(progress));
+        }
+        handle(&mut world, &mut mission, Input::CompareWithVehicle);
+        let failed = Event::Failed {
+            operation: Operation::Upload,
+            kind: MISSION,
+            reason: Failure::NoAnswer { seq: None },
+        };
+        ended(&mut world, &mut mission, Operation::Upload, failed);
+        handle(&mut world, &mut mission, Input::CompareWithVehicle);
+    }
+    reports(&mut world);
+    for (reported, words) in [
+        (id, "the vehicle holds the route whose load"),
+        (id, ""),
+        (id + 1, "the vehicle no longer holds a route whose load"),
+        (id, "the vehicle holds the route whose load"),
+    ] {
+        world.advance(10 * SECOND);
+        world.vehicle.telemetry.mission = named(reported, 0);
+        handle(&mut world, &mut mission, Input::CompareWithVehicle);
+        let (_, texts) = reports(&mut world);
+        assert!(texts.contains(words), "{texts}, expected {words}");
+        assert_eq!(texts.is_empty(), words.is_empty(), "{texts}");
+    }
+}
+
 #[test]
 fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
     let mut world = World::new();

@@ -11,7 +11,9 @@ use std::time::Duration;
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::{command, mission};
 use stanag_msgs::Id;
-use stanag_msgs::enums::{AckType, FlightPathControlMode, MissionPlanMode as Mode, RouteType};
+use stanag_msgs::enums::{
+    AckType, AlertPriority, FlightPathControlMode, MissionPlanMode as Mode, RouteType, SubsystemId,
+};
 use stanag_msgs::messages::{MissionTransferCommand, VehicleOperatingModeCommand};
 
 use super::download::{Download, Part};
@@ -21,6 +23,7 @@ use super::route_upload::RouteUpload;
 use super::status;
 use super::store::MissionStore;
 use super::upload::{Progress, Upload};
+use crate::session::alerts::Cause;
 use crate::session::context::{Origin, Transfer};
 use crate::session::effects::{Effects, Request};
 
@@ -29,8 +32,9 @@ use crate::session::effects::{Effects, Request};
 pub(super) struct Transfers {
     load: Option<Load>,
     download: Option<Download>,
-    /// The id of a route whose load ended early: the vehicle may have taken the last item just before.
-    ended_early: Option<u32>,
+    /// The ids of routes whose load ended early, the latest last: the vehicle may have taken the last item just before, and may hold
+    /// an earlier one where a later load has not replaced it.
+    ended_early: Vec<u32>,
 }
 
 /// A load or a clearing.
@@ -174,7 +178,8 @@ impl Transfers {
                         let loaded = store.loaded.as_ref();
                         loaded.is_some_and(|loaded| loaded.mission_id == *id)
                     };
-                    self.ended_early = upload.mission_id.filter(|id| !is_loaded(id));
+                    let id = upload.mission_id.filter(|id| !is_loaded(id));
+                    self.note_ended_early(id);
                     store.forget_uploaded(effects);
                 }
             }
@@ -187,24 +192,44 @@ impl Transfers {
         load.end(None, why.to_owned(), effects);
     }
 
-    /// Warns where the vehicle reports a route whose load has ended early. No mode of this VSM flies it, but a pilot or a failsafe
-    /// may. It is not replaced without a command: that would refuse the load with which an operator follows a cancellation.
-    pub(super) fn report_ended_early(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        // What another load or a clearing leads to is reported by that.
-        if self.load.is_some() {
-            self.ended_early = None;
+    /// The load of the route with this id has ended early.
+    fn note_ended_early(&mut self, id: Option<u32>) {
+        let Some(id) = id else { return };
+        self.ended_early.retain(|known| *known != id);
+        if self.ended_early.len() == MAX_ENDED_EARLY {
+            self.ended_early.remove(0);
         }
-        let reported = context.vehicle.telemetry.mission;
-        let reported = reported
-            .filter(|mission| mission.state != MissionState::MISSION_STATE_NO_MISSION)
-            .filter(|mission| self.ended_early == Some(mission.mission_id));
-        if let Some(mission) = reported {
-            self.ended_early = None;
-            effects.warn_of_link(format!(
+        self.ended_early.push(id);
+    }
+
+    /// Warns as long as the vehicle reports a route whose load has ended early. No mode of this VSM flies it, but a pilot or a failsafe
+    /// may. It is not replaced without a command: that would refuse the load with which an operator follows a cancellation.
+    pub(super) fn report_ended_early(&self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        // Not known again after a silence before the vehicle reports it. While another load or a clearing runs, it is not known
+        // what that leads to.
+        let Some(mission) = context.vehicle.telemetry.mission else {
+            return;
+        };
+        if self.load.is_some() {
+            return;
+        }
+        let holds_one = mission.state != MissionState::MISSION_STATE_NO_MISSION
+            && self.ended_early.contains(&mission.mission_id);
+        if holds_one {
+            let text = format!(
                 "the vehicle holds the route whose load was cancelled or has failed ({:08x}), and its pilot or a failsafe may fly it: \
                  load a route, or clear (13000)",
                 mission.mission_id
-            ));
+            );
+            effects.raise(
+                Cause::EndedLoad,
+                AlertPriority::Warning,
+                SubsystemId::Comms,
+                text,
+            );
+        } else {
+            let text = "the vehicle no longer holds a route whose load was cancelled or has failed";
+            effects.clear(Cause::EndedLoad, text);
         }
     }
 
@@ -400,3 +425,6 @@ fn cucs_of(context: &Context<'_>, origin: &Origin) -> Id {
     let asker = context.asker(origin.station);
     asker.map_or(Id::NULL, |asker| asker.id)
 }
+
+/// Routes whose load ended early that are remembered: each is one that the vehicle may still hold.
+const MAX_ENDED_EARLY: usize = 8;

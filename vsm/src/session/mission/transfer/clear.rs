@@ -79,6 +79,7 @@ impl Transfers {
             ..
         }) = self.load.take()
         {
+            self.ended_early.clear();
             let cucs = cucs_of(context, &origin);
             let saved = store.cleared(route_id.as_deref(), cucs, effects);
             answer_clear(saved, origin, &mission_name, effects);

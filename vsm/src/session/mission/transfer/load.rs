@@ -255,7 +255,7 @@ impl Transfers {
                 if touched {
                     // The loaded route is no other than the one that it is to hold.
                     if let (false, Work::Load(upload)) = (load.is_own(), &load.work) {
-                        self.ended_early = upload.mission_id;
+                        self.note_ended_early(upload.mission_id);
                     }
                     // A 13000 was to replace the loaded route. A load for a mode keeps it, so that it can be uploaded again.
                     if load.origin.is_some() {
@@ -278,6 +278,7 @@ impl Transfers {
         effects: &mut Effects<'_>,
     ) {
         let Some(load) = self.load.take() else { return };
+        self.ended_early.clear();
         uploaded.mission_name.clone_from(&load.mission_name);
         let compiled = &uploaded.compiled;
         let above_home = |level: Level| matches!(level, Level::AboveHome(_));
