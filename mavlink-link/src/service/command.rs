@@ -304,6 +304,17 @@ impl Client {
         self.advance(now);
     }
 
+    /// The caller did not run for so long, so that an answer may wait unread: nothing is given up for that time.
+    pub fn postpone(&mut self, by: Duration) {
+        if let Some(active) = &mut self.active {
+            active.deadline += by;
+            active.give_up = active.give_up.map(|at| at + by);
+        }
+        if let Some(surplus) = &mut self.surplus {
+            surplus.until += by;
+        }
+    }
+
     /// When [`Client::handle_timeout`] is next needed.
     pub fn poll_timeout(&self) -> Option<Duration> {
         match (&self.active, &self.surplus) {

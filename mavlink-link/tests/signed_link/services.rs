@@ -114,6 +114,20 @@ fn a_command_that_is_not_safe_to_repeat_goes_out_once() {
 }
 
 #[test]
+fn an_answer_that_waits_while_nothing_runs_is_taken_afterwards() {
+    let mut client = client();
+    client
+        .submit(ms(0), command(ARM, Repetition::Never))
+        .unwrap();
+    assert_eq!(sent(&mut client), [0]);
+    client.postpone(ms(60_000));
+    client.handle_timeout(ms(60_001));
+    assert_eq!(outcome(&mut client), None);
+    assert!(client.handle_message(ms(60_002), PX4, &ack(ARM, ACCEPTED), true));
+    assert_eq!(outcome(&mut client), Some(OK));
+}
+
+#[test]
 fn only_the_vehicles_fresh_answer_to_us_for_this_command_counts() {
     let mut client = client();
     client

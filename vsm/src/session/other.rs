@@ -61,6 +61,11 @@ impl Holding {
         self.since = holds.then(|| self.since.unwrap_or(now));
     }
 
+    /// The bridge did not run for so long.
+    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        self.since = self.since.map(|since| since + stopped);
+    }
+
     /// Whether it has for so long that nothing follows from it.
     pub(crate) fn leads_nowhere(self, now: Duration) -> bool {
         self.since

@@ -154,9 +154,16 @@ impl Aircraft {
         self.watch_soon(dli.now.mono);
     }
 
-    /// The bridge did not run in between.
+    /// The bridge did not run in between: what the vehicle has answered and shown meanwhile is read after this, so whoever waits for
+    /// that waits as much longer.
     pub(super) fn note_stop(&mut self, from: Duration, until: Duration) {
+        let stopped = until.saturating_sub(from);
         self.link.note_stop(&mut self.vehicle, from, until);
+        self.services.note_stop(stopped);
+        self.flight.note_stop(stopped);
+        self.mission.note_stop(stopped);
+        self.reports.note_stop(stopped);
+        self.payload.note_stop(stopped);
     }
 
     /// Does what is due. Stations see the results in the order of these steps.

@@ -555,7 +555,7 @@ impl Bridge {
             }
             (Some(since), false) => {
                 self.outbox.paused_since = None;
-                self.paths.extend_proofs(now.saturating_sub(since));
+                self.paths.extend_proofs(now, now.saturating_sub(since));
             }
             _ => {}
         }

@@ -34,7 +34,7 @@ impl Bridge {
         {
             *received = (*received + stopped).min(mono);
         }
-        self.paths.extend_proofs(stopped);
+        self.paths.extend_proofs(mono, stopped);
         for one in self.aircraft.iter_mut() {
             one.note_stop(before, mono);
         }
@@ -108,7 +108,10 @@ impl Bridge {
         found.extend(self.access_findings());
         let listed = self.stations.iter().enumerate();
         for (index, station) in listed.filter(|(_, one)| !one.removed) {
-            if let Some((at, current)) = self.paths.unproven(mono, index) {
+            // A paused bridge asks nobody for a proof.
+            if !self.outbox.is_paused()
+                && let Some((at, current)) = self.paths.unproven(mono, index)
+            {
                 found.push(dli::unproven(station.id(), at, current));
             }
             if !station.proven {

@@ -313,6 +313,11 @@ impl Contingencies {
         }
     }
 
+    /// The bridge did not run for so long: the vehicle has not had that time to report its values.
+    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        self.live_since = self.live_since.map(|since| since + stopped);
+    }
+
     /// When it is next polled, if it is its turn.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         self.trying.map(|trying| trying.next_at)

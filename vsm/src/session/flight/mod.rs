@@ -254,6 +254,16 @@ impl Flight {
         context.vehicle.settled_mode().filter(|_| !enters)
     }
 
+    /// The bridge did not run for so long: nobody could show it anything.
+    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        let waits = self.maneuver.iter_mut().map(|(_, maneuver)| maneuver);
+        for maneuver in waits.chain(self.look.iter_mut().map(|(_, seen)| seen)) {
+            maneuver.note_stop(stopped);
+        }
+        self.watched.note_stop(stopped);
+        self.contingencies.note_stop(stopped);
+    }
+
     /// Takes an input.
     pub(crate) fn handle(
         &mut self,

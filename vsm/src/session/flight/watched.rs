@@ -25,6 +25,12 @@ pub(super) struct Watched {
 }
 
 impl Watched {
+    /// The bridge did not run for so long, and so saw nothing of it.
+    pub(super) fn note_stop(&mut self, stopped: Duration) {
+        self.item_unknown_since = self.item_unknown_since.map(|since| since + stopped);
+        self.holding.note_stop(stopped);
+    }
+
     pub(super) fn note(&mut self, vehicle: &VehicleState, now: Duration) {
         let since = |before: Option<Duration>, so: bool| so.then(|| before.unwrap_or(now));
         let unknown = vehicle.live() && may_be_on_final(&vehicle.telemetry);

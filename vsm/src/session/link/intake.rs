@@ -1,5 +1,7 @@
 //! Reception: only frames that the link accepts update the vehicle's state, and only fresh ones answer a request.
 
+use std::time::Duration;
+
 use mapping::report;
 use mavlink_link::dialect::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult, MavType};
 use mavlink_link::frame::{FrameView, Header};
@@ -10,7 +12,7 @@ use super::frame::Peer;
 use super::key_recovery::KeyChange;
 use super::services::Services;
 use super::state::VehicleState;
-use super::{Fresh, VehicleLink, auth, is_silent};
+use super::{Fresh, VehicleLink, auth};
 use crate::session::effects::Effects;
 
 impl VehicleLink {
@@ -38,7 +40,7 @@ impl VehicleLink {
             self.flush(vehicle, effects);
             return;
         }
-        let was_silent = is_silent(&self.link, now.mono);
+        let was_silent = self.is_silent(now.mono);
         // The link is borrowed while it delivers frames, so they are handled afterwards.
         let mut accepted = std::mem::take(&mut self.accepted);
         let (asked, components) = (self.asked, &self.asked_components);
@@ -81,6 +83,7 @@ impl VehicleLink {
         }
         self.accepted = accepted;
         if self.link.accepted_at() == Some(now.mono) {
+            self.stopped = Duration::ZERO;
             if was_silent {
                 self.live_since = Some(now.mono);
             }

@@ -88,6 +88,8 @@ pub(crate) struct VehicleLink {
     live_is_due: bool,
     /// When the bridge last ran again after it did not.
     ran_again: Option<Duration>,
+    /// For how long it did not run since a frame was last accepted.
+    stopped: Duration,
     /// When a frame last verified and was accepted, and under which key.
     verified: Option<(Duration, KeyId)>,
     /// Frames and bytes that arrived but were not accepted.
@@ -164,6 +166,7 @@ impl VehicleLink {
             live_since: None,
             live_is_due: false,
             ran_again: None,
+            stopped: Duration::ZERO,
             verified: None,
             arrivals: Arrivals::default(),
             packets: EncryptedArrivals::default(),
@@ -218,9 +221,24 @@ impl VehicleLink {
         from: Duration,
         until: Duration,
     ) {
+        let stopped = until.saturating_sub(from);
         vehicle.note_stop(from, until);
-        self.arrivals.note_stop(until.saturating_sub(from));
+        self.arrivals.note_stop(stopped);
+        self.stale_at_start.note_stop(stopped);
+        self.live_since = self.live_since.map(|since| since + stopped);
+        self.stopped += stopped;
         self.ran_again = Some(until);
+    }
+
+    /// When a frame was last accepted: as long ago as the bridge has run since.
+    fn accepted_at(&self) -> Option<Duration> {
+        self.link.accepted_at().map(|at| at + self.stopped)
+    }
+
+    /// Whether frames were accepted, and none is now. The state of the link itself stays live: only other frames end it, and a vehicle
+    /// that flew out of range sends none.
+    fn is_silent(&self, mono: Duration) -> bool {
+        (self.accepted_at()).is_some_and(|at| mono.saturating_sub(at) > FRESH)
     }
 
     /// How long nothing has shown that the vehicle receives us, as far as the bridge ran.
@@ -458,7 +476,7 @@ impl VehicleLink {
 impl VehicleLink {
     /// Whether keys are agreed with an agent on the vehicle, and frames verify.
     fn agent_is_here(&self, mono: Duration) -> bool {
-        let accepted = self.link.accepted_at();
+        let accepted = self.accepted_at();
         self.agreement.wanted && accepted.is_some_and(|at| mono.saturating_sub(at) < AGENT_HERE)
     }
 }
@@ -550,12 +568,13 @@ impl VehicleLink {
         if refused && self.arrives(mono).is_none() {
             return "silent";
         }
-        link_state_name(&self.link, mono)
+        let unanswered = (self.unanswered(mono)).is_some_and(|age| age > UNANSWERED);
+        state_name(self.link.state(), self.is_silent(mono), unanswered)
     }
 
     /// How long frames have been accepted without interruption; `None` if none is accepted now.
     pub(crate) fn live_for(&self, mono: Duration) -> Option<Duration> {
-        let since = self.live_since.filter(|_| !is_silent(&self.link, mono))?;
+        let since = self.live_since.filter(|_| !self.is_silent(mono))?;
         Some(mono.saturating_sub(since))
     }
 
@@ -567,7 +586,7 @@ impl VehicleLink {
 
     /// The fraction of its frames that did not arrive; `None` of a silent link, whose measurement is of the time before.
     pub(crate) fn lost(&self, mono: Duration) -> Option<f64> {
-        (self.loss.part()).filter(|_| !is_silent(&self.link, mono))
+        (self.loss.part()).filter(|_| !self.is_silent(mono))
     }
 
     /// Its state as a data link of the DLI.
@@ -578,7 +597,8 @@ impl VehicleLink {
         clock: &timesync::Client,
     ) -> DataLink {
         let signed = self.link.config().security == Security::Signed;
-        let verified = (self.verified).is_some_and(|(at, _)| mono.saturating_sub(at) <= FRESH);
+        let fresh = |at: Duration| mono.saturating_sub(at + self.stopped) <= FRESH;
+        let verified = (self.verified).is_some_and(|(at, _)| fresh(at));
         DataLink {
             received: vehicle.live(),
             // Signatures prove it with every frame. Without signing, answers to TIMESYNC do, if the vehicle sends any.
@@ -601,7 +621,7 @@ impl VehicleLink {
 
     /// What arrives: verified frames, unverified ones, or the kind of refused data; `None` if nothing arrives.
     pub(crate) fn arrives(&self, mono: Duration) -> Option<&'static str> {
-        let accepted = self.link.accepted_at();
+        let accepted = self.accepted_at();
         if accepted.is_some_and(|at| mono.saturating_sub(at) <= FRESH) {
             let signed = self.link.config().security == Security::Signed;
             return Some(if signed { "verified" } else { "not verified" });
@@ -627,7 +647,6 @@ impl VehicleLink {
         config: &'a crate::config::Vehicle,
         (other, shared): (Option<u8>, bool),
     ) -> Evidence<'a> {
-        let again = self.ran_again.unwrap_or_default();
         // A vehicle that is received again has not had the time to answer.
         let received_for = mono.saturating_sub(self.live_since.unwrap_or_default());
         let unanswered = self.unanswered(mono);
@@ -641,7 +660,7 @@ impl VehicleLink {
             other,
             shared,
             encrypted: config.encrypt,
-            accepted: self.link.accepted_at().map(|at| at.max(again)),
+            accepted: self.accepted_at(),
             live_since: self.live_since,
             unanswered: unanswered.map(|age| age.min(received_for)),
         }
@@ -715,6 +734,11 @@ impl StaleAtStart {
         self.since = Some(mono);
     }
 
+    /// The bridge did not run for so long.
+    fn note_stop(&mut self, stopped: Duration) {
+        self.since = self.since.map(|since| since + stopped);
+    }
+
     fn live(&mut self, stale: u64) {
         if self.since.take().is_some() {
             self.counted += stale - self.before;
@@ -736,27 +760,23 @@ const LIFTED_WITHIN: Duration = Duration::from_secs(5);
 /// How often the link reports that the wall clock is far ahead.
 const WALL_REPORTED_EVERY: Duration = Duration::from_secs(10);
 
-/// The state of a link, for the status of bridge and agent.
+/// The state of a link, for the status of the agent, and of a link that others command through.
 pub(crate) fn link_state_name(link: &Link<Peer>, mono: Duration) -> &'static str {
-    match link.state() {
+    let silent = (link.accepted_at()).is_some_and(|at| mono.saturating_sub(at) > FRESH);
+    let unanswered = link.unanswered(mono).is_some_and(|age| age > UNANSWERED);
+    state_name(link.state(), silent, unanswered)
+}
+
+/// `silent`: frames were accepted, and none is now. `unanswered`: the other end has not confirmed for too long that it receives us.
+fn state_name(state: LinkState, silent: bool, unanswered: bool) -> &'static str {
+    match state {
         LinkState::Waiting => "waiting",
-        LinkState::Live if is_silent(link, mono) => "silent",
-        LinkState::Live if is_unanswered(link, mono) => "unanswered",
+        LinkState::Live if silent => "silent",
+        LinkState::Live if unanswered => "unanswered",
         LinkState::Live => "live",
         LinkState::Behind => "behind",
         LinkState::Ahead => "ahead",
     }
-}
-
-/// Whether frames were accepted, and none is now. The state of the link itself stays live: only other frames end it, and a vehicle
-/// that flew out of range sends none.
-fn is_silent(link: &Link<Peer>, mono: Duration) -> bool {
-    (link.accepted_at()).is_some_and(|at| mono.saturating_sub(at) > FRESH)
-}
-
-/// Whether the other end has not confirmed for too long that it receives us.
-fn is_unanswered(link: &Link<Peer>, mono: Duration) -> bool {
-    link.unanswered(mono).is_some_and(|age| age > UNANSWERED)
 }
 
 /// How long our frames may remain unanswered: heartbeats are sent each second, and some are lost.

@@ -4,6 +4,7 @@
 //! messages, signed at the moment of sending, and reports results as [`VehicleEvent`](super::event::VehicleEvent)s.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
 
 use mavlink_link::dialect::MavMessage;
 use mavlink_link::service::interval::Intervals;
@@ -56,6 +57,13 @@ impl Services {
             posts: VecDeque::new(),
             own,
             vehicle,
+        }
+    }
+
+    /// The bridge did not run for so long: an answer may wait unread. The other services lose one of many tries by that.
+    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        for commands in self.components.values_mut().chain([&mut self.commands]) {
+            commands.postpone(stopped);
         }
     }
 

@@ -12,6 +12,7 @@ use mavlink_link::signing::{sign, verify};
 
 use super::state::SILENCE;
 use super::*;
+use crate::session::findings::vehicle::judge;
 use crate::session::testing::World;
 
 const VEHICLE: u8 = 1;
@@ -298,6 +299,41 @@ fn deliver(world: &mut World, link: &mut VehicleLink, bytes: &[u8]) {
         link.handle_datagram(Peer::Serial, bytes, &mut state, effects, &mut |_| {});
     });
     world.vehicle = state;
+}
+
+/// The vehicle has sent unsigned until it had its key, and nothing was wrong with its link when the process was stopped.
+#[test]
+fn a_stop_of_the_bridge_is_held_against_nobody() {
+    let mut world = World::new();
+    let build = world.now.wall - Duration::from_secs(30 * 86_400);
+    let mut link = start_signed(&mut world, build);
+    let stamp = link.key().unwrap().clock().reading(world.now);
+    wait(&mut world, &mut link, Duration::ZERO);
+    let signed = signed_heartbeat(&key(1), stamp.plus(Duration::from_secs(1)));
+    deliver(&mut world, &mut link, &signed);
+    let second = Duration::from_secs(1);
+    wait(&mut world, &mut link, 2 * second);
+    receive(&mut world, &mut link, VEHICLE, &heartbeat(1));
+    wait(&mut world, &mut link, Duration::ZERO);
+    assert_eq!(link.stats().unsigned_vehicle, 1);
+    for stopped in [Duration::from_millis(3_500), 20 * second] {
+        let from = world.now.mono;
+        world.advance(stopped);
+        let mono = world.now.mono;
+        link.note_stop(&mut world.vehicle, from, mono);
+        let found = judge(&link.evidence(mono, &world.config, (None, false)));
+        assert_eq!(found, None);
+        assert_eq!(link.link_state_name(mono), "live");
+        assert_eq!(link.arrives(mono), Some("verified"));
+    }
+    // A silence before a stop is none that ends with it.
+    let silent = FRESH + second;
+    wait(&mut world, &mut link, silent);
+    assert_eq!(link.link_state_name(world.now.mono), "silent");
+    let from = world.now.mono;
+    world.advance(20 * second);
+    link.note_stop(&mut world.vehicle, from, world.now.mono);
+    assert_eq!(link.link_state_name(world.now.mono), "silent");
 }
 
 #[test]

@@ -434,6 +434,17 @@ impl Maneuver {
         }
     }
 
+    /// The bridge did not run for so long: what the vehicle has shown meanwhile is not read yet.
+    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        match &mut self.waiting {
+            Waiting::Answer { patient_until, .. } | Waiting::Again { patient_until, .. } => {
+                *patient_until += stopped;
+            }
+            Waiting::Confirmation { deadline } => *deadline += stopped,
+            Waiting::Nothing | Waiting::Current | Waiting::Pause { .. } => {}
+        }
+    }
+
     /// When [`Maneuver::advance`] is next needed.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         match self.waiting {
@@ -636,6 +647,29 @@ mod tests {
             assert_eq!(why.contains("outside geofence"), after_command, "{why}");
             // A vehicle that is not received may fly it.
             assert_eq!(why.contains(MAY_BE_DONE), !live, "{why}");
+        }
+    }
+
+    /// A process that was stopped reads afterwards what the vehicle has shown meanwhile.
+    #[test]
+    fn what_a_vehicle_shows_while_the_bridge_does_not_run_is_waited_for() {
+        for noted in [true, false] {
+            let mut world = World::airborne(Px4Mode::LOITER);
+            let mut maneuver = Maneuver::new(change_altitude(500.0), Commanded::default());
+            assert_eq!(advance(&mut maneuver, &mut world), Progress::Going);
+            world.commanded_modes();
+            let command = MavCmd::MAV_CMD_DO_CHANGE_ALTITUDE;
+            for event in world.answer(command, MavResult::MAV_RESULT_ACCEPTED) {
+                maneuver.handle_command(world.now.mono, &event, &world.vehicle);
+            }
+            assert_eq!(advance(&mut maneuver, &mut world), Progress::Going);
+            let stopped = Duration::from_secs(60);
+            world.advance(stopped);
+            if noted {
+                maneuver.note_stop(stopped);
+            }
+            let waits = advance(&mut maneuver, &mut world) == Progress::Going;
+            assert_eq!(waits, noted);
         }
     }
 

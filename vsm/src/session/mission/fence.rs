@@ -107,6 +107,13 @@ impl Fence {
         self.read_at
     }
 
+    /// The bridge did not run for so long.
+    pub(super) fn note_stop(&mut self, stopped: Duration) {
+        if let Some(work) = &mut self.work {
+            work.upload.note_stop(stopped);
+        }
+    }
+
     /// Whether a fence is being uploaded.
     pub(super) fn busy(&self) -> bool {
         self.work.is_some()

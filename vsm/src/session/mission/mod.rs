@@ -232,6 +232,13 @@ impl Mission {
         Ok(())
     }
 
+    /// The bridge did not run for so long: what the vehicle has reported meanwhile is not read yet.
+    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        self.transfers.note_stop(stopped);
+        self.fence.note_stop(stopped);
+        self.rally.note_stop(stopped);
+    }
+
     /// Takes an input.
     pub(crate) fn handle(
         &mut self,

@@ -95,6 +95,14 @@ impl Rally {
         &self.points
     }
 
+    /// The bridge did not run for so long.
+    pub(super) fn note_stop(&mut self, stopped: Duration) {
+        if let Some(work) = &mut self.work {
+            work.upload.note_stop(stopped);
+        }
+        self.strange_since = self.strange_since.map(|since| since + stopped);
+    }
+
     /// Whether points are being uploaded.
     pub(super) fn busy(&self) -> bool {
         self.work.is_some()

@@ -242,6 +242,16 @@ impl RouteUpload {
         }
     }
 
+    /// The bridge did not run for so long.
+    pub(super) fn note_stop(&mut self, stopped: Duration) {
+        match &mut self.phase {
+            Phase::Site { deadline } => *deadline += stopped,
+            Phase::Hold { maneuver, .. } => maneuver.note_stop(stopped),
+            Phase::Upload { upload, .. } => upload.note_stop(stopped),
+            Phase::Again { .. } | Phase::NotHeld(_) | Phase::Ended => {}
+        }
+    }
+
     /// When [`RouteUpload::advance`] is next needed, apart from data of the vehicle.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         match &self.phase {

@@ -303,6 +303,17 @@ impl Transfers {
         self.download.take_if(ended);
     }
 
+    /// The bridge did not run for so long.
+    pub(super) fn note_stop(&mut self, stopped: Duration) {
+        if let Some(Load {
+            work: Work::Load(upload),
+            ..
+        }) = &mut self.load
+        {
+            upload.note_stop(stopped);
+        }
+    }
+
     /// Whether a load or a clearing runs.
     pub(super) fn is_running(&self) -> bool {
         self.load.is_some()

@@ -217,6 +217,13 @@ impl Upload {
         }
     }
 
+    /// The bridge did not run for so long: the vehicle's report may wait unread.
+    pub(super) fn note_stop(&mut self, stopped: Duration) {
+        if let Phase::Naming { deadline, .. } = &mut self.phase {
+            *deadline += stopped;
+        }
+    }
+
     /// When [`Upload::check`] gives up.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         match self.phase {

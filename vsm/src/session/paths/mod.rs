@@ -330,10 +330,11 @@ impl Paths {
         }
     }
 
-    /// Nothing could be asked for so long.
-    pub(crate) fn extend_proofs(&mut self, by: Duration) {
+    /// Nothing could be asked for so long, until now: no proof ends by that, and no station has had that time for one.
+    pub(crate) fn extend_proofs(&mut self, now: Duration, by: Duration) {
         for path in self.each_path() {
             path.proven = path.proven.map(|at| at + by);
+            path.first = (path.first + by).min(now.max(path.first));
         }
     }
 

@@ -262,12 +262,30 @@ fn a_proof_lasts_as_much_longer_as_nothing_could_be_asked() {
     assert!(paths.is_proven(0));
     let paused = Duration::from_secs(500);
     now.mono += paused;
-    paths.extend_proofs(paused);
+    paths.extend_proofs(now.mono, paused);
     paths.handle_timeout(now.mono, 0);
     assert!(paths.is_proven(0));
     now.mono += 2 * LIMITS.lease;
     paths.handle_timeout(now.mono, 0);
     assert!(!paths.is_proven(0), "asked again, it did not answer");
+}
+
+/// The station has been sending for 2 s when the bridge is stopped, and answers what it is asked after that.
+#[test]
+fn a_station_that_could_not_be_asked_is_not_called_unproven() {
+    for (stopped_s, accused) in [(0, false), (30, false), (30, true)] {
+        let mut paths = Paths::new(LIMITS, [None].into_iter());
+        let mut now = Duration::from_secs(100);
+        paths.arrived(now, 0, FROM, 300, || false);
+        now += Duration::from_secs(2 + stopped_s);
+        paths.extend_proofs(now, Duration::from_secs(stopped_s));
+        if accused {
+            now += UNPROVEN_FOR;
+        }
+        paths.arrived(now, 0, FROM, 300, || false);
+        let unproven = paths.unproven(now, 0).map(|(at, _)| at);
+        assert_eq!(unproven, accused.then_some(FROM), "{stopped_s} s");
+    }
 }
 
 #[test]

@@ -198,6 +198,12 @@ impl Payload {
         self.watch_stations(context, effects);
     }
 
+    /// The bridge did not run for so long: what a station has shown meanwhile is not read yet.
+    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        let running = self.tasks.iter_mut().filter_map(|one| one.running.as_mut());
+        running.for_each(|running| running.until += stopped);
+    }
+
     /// When [`Input::Poll`] is next needed.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         let tasks = self.tasks.iter().filter_map(|task| {

@@ -57,6 +57,13 @@ impl HealthWatch {
         }
     }
 
+    /// The bridge did not run for so long: what it saw before has not lasted by that.
+    pub(super) fn note_stop(&mut self, stopped: Duration) {
+        for watched in self.causes.values_mut() {
+            watched.since += stopped;
+        }
+    }
+
     fn watch_one(
         &mut self,
         now: Duration,
@@ -257,6 +264,18 @@ mod tests {
             assert_eq!(watch(&mut world, &mut health, round % 2 == 0), 1);
             world.advance(Duration::from_secs(1));
         }
+    }
+
+    #[test]
+    fn a_fault_has_not_lasted_while_the_bridge_did_not_run() {
+        let (mut world, mut health) = (World::new(), HealthWatch::default());
+        watch(&mut world, &mut health, false);
+        let stopped = Duration::from_secs(60);
+        world.advance(stopped);
+        health.note_stop(stopped);
+        assert_eq!(watch(&mut world, &mut health, false), 0);
+        world.advance(RAISE_AFTER);
+        assert_eq!(watch(&mut world, &mut health, false), 1);
     }
 
     #[test]

@@ -178,6 +178,11 @@ pub(crate) enum Input<'a> {
 }
 
 impl Reports {
+    /// The bridge did not run for so long.
+    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        self.health.note_stop(stopped);
+    }
+
     /// The vehicle's parameters, as far as they have been read.
     pub(crate) fn parameters(&self) -> ParameterView<'_> {
         self.configuration.parameters()
