@@ -173,8 +173,7 @@ impl AirsideServer {
         };
         let stored = Arc::new(Notify::new());
         // From here on no frame waits for the disk.
-        let ordered =
-            OrderedKeys::start(keys, &store, stored.clone()).map_err(AirsideError::Writer)?;
+        let ordered = OrderedKeys::start(keys, &store, stored.clone());
         let store = QueuedDisk::new(store, stored.clone()).map_err(AirsideError::Writer)?;
         let mut disk = AirsideDisk {
             store,

@@ -145,7 +145,7 @@ mod tests {
         let keys = KeyStore::open(&path).unwrap();
         let store = FileDisk::open(&folder.path().join("store")).unwrap();
         let notify = Arc::new(Notify::new());
-        let ordered = OrderedKeys::start(keys, &store, notify.clone()).unwrap();
+        let ordered = OrderedKeys::start(keys, &store, notify.clone());
         let mut disk = AirsideDisk {
             store: QueuedDisk::new(store, notify).unwrap(),
             ordered,

@@ -52,7 +52,7 @@ pub async fn discard(
     };
     let identity = key_exchange::identity(&mut store, &mut system_random)?;
     let stored = Arc::new(Notify::new());
-    let ordered = OrderedKeys::start(keys, &store, stored.clone()).map_err(AirsideError::Writer)?;
+    let ordered = OrderedKeys::start(keys, &store, stored.clone());
     let store = QueuedDisk::new(store, stored.clone()).map_err(AirsideError::Writer)?;
     let mut disk = AirsideDisk {
         store,

@@ -1,6 +1,9 @@
 //! Files that a thread writes one step after the other, so that nobody waits for the disk: for the keys of a vehicle, whose
 //! files depend on each other, and for the records of the key exchange.
 //!
+//! Each vehicle has a thread of its own, so that a disk which hangs under one vehicle's files holds up no other's. It is there only
+//! while there is something to write: with a thousand vehicles a thousand threads would sleep until the next change of a key.
+//!
 //! It is a [`FileSystem`]: a user of it (a `KeyStore`, a `FileDisk`) takes the same steps in the same order as on the
 //! system's own, and reads back what it has written. [`FileSystem::progress`] reports how far the thread is; a caller that
 //! sends something which depends on a step waits for that step. A process that ends in between leaves the files as one
@@ -24,7 +27,7 @@ use super::disk::{FileDisk, FileSystem};
 use super::key_store::KeyStore;
 use super::queued_disk::dirty_names;
 
-/// The steps of one vehicle's files. Clones share them; the thread ends with the last clone.
+/// The steps of one vehicle's files. Clones share them.
 #[derive(Debug, Clone)]
 pub struct OrderedFiles(Arc<Owner>);
 
@@ -32,6 +35,7 @@ pub struct OrderedFiles(Arc<Owner>);
 struct Owner {
     shared: Arc<Shared>,
     system: Arc<dyn FileSystem>,
+    progress: Arc<Notify>,
 }
 
 #[derive(Debug, Default)]
@@ -51,6 +55,8 @@ struct State {
     queued: u64,
     durable: u64,
     fault: Option<String>,
+    /// The thread is there.
+    writing: bool,
     /// Changes that are accepted together are being queued; see [`OrderedFiles::together`].
     together: bool,
     closed: bool,
@@ -68,17 +74,14 @@ enum Step {
 }
 
 impl OrderedFiles {
-    /// Starts the thread; `progress` is notified when it has done everything, or when it fails.
-    ///
-    /// # Errors
-    /// There can be no thread.
-    pub fn start(system: Arc<dyn FileSystem>, progress: Arc<Notify>) -> io::Result<OrderedFiles> {
-        let shared = Arc::new(Shared::default());
-        let (work, on) = (shared.clone(), system.clone());
-        std::thread::Builder::new()
-            .name("key-writer".to_owned())
-            .spawn(move || write(&work, &*on, &progress))?;
-        Ok(OrderedFiles(Arc::new(Owner { shared, system })))
+    /// `progress` is notified when all is written, or when that fails.
+    #[must_use]
+    pub fn new(system: Arc<dyn FileSystem>, progress: Arc<Notify>) -> OrderedFiles {
+        OrderedFiles(Arc::new(Owner {
+            shared: Arc::default(),
+            system,
+            progress,
+        }))
     }
 
     /// Reads these files now; they are read from memory until [`OrderedFiles::release`].
@@ -151,8 +154,16 @@ impl OrderedFiles {
         step: impl FnOnce(&mut State) -> io::Result<Step>,
     ) -> io::Result<()> {
         let mut state = self.state();
-        if let (true, Some(fault)) = (first && !state.together, &state.fault) {
-            return Err(io::Error::other(fault.clone()));
+        let started = self.0.start_writing(&mut state);
+        if first && !state.together {
+            started?;
+            if let Some(fault) = &state.fault {
+                return Err(io::Error::other(fault.clone()));
+            }
+        } else if let Err(cause) = started {
+            // Of a change that was accepted: done with the next one.
+            tracing::error!("the keys cannot be written: {cause}");
+            state.fault = Some(cause.to_string());
         }
         let step = step(&mut state)?;
         state.steps.push_back(step);
@@ -253,21 +264,15 @@ pub struct OrderedKeys {
 
 impl OrderedKeys {
     /// From here on nobody waits for these files.
-    ///
-    /// # Errors
-    /// There can be no thread.
-    pub fn start(
-        mut keys: KeyStore,
-        store: &FileDisk,
-        progress: Arc<Notify>,
-    ) -> io::Result<OrderedKeys> {
-        let files = OrderedFiles::start(store.system(), progress)?;
+    #[must_use]
+    pub fn start(mut keys: KeyStore, store: &FileDisk, progress: Arc<Notify>) -> OrderedKeys {
+        let files = OrderedFiles::new(store.system(), progress);
         keys.write_through(Box::new(files.clone()));
-        Ok(OrderedKeys {
+        OrderedKeys {
             keys,
             records: store.through(Arc::new(files.clone())),
             files,
-        })
+        }
     }
 }
 
@@ -278,6 +283,22 @@ impl Shared {
     }
 }
 
+impl Owner {
+    /// Starts the thread, if it is not there.
+    fn start_writing(&self, state: &mut State) -> io::Result<()> {
+        if state.writing {
+            return Ok(());
+        }
+        let (shared, system) = (self.shared.clone(), self.system.clone());
+        let progress = self.progress.clone();
+        std::thread::Builder::new()
+            .name("key-writer".to_owned())
+            .spawn(move || write(&shared, &*system, &progress))?;
+        state.writing = true;
+        Ok(())
+    }
+}
+
 impl Drop for Owner {
     fn drop(&mut self) {
         self.shared.lock().closed = true;
@@ -285,7 +306,7 @@ impl Drop for Owner {
     }
 }
 
-/// The thread.
+/// The thread. It ends once there was nothing to write for a while, or with the last of those who write.
 fn write(shared: &Shared, system: &dyn FileSystem, progress: &Notify) {
     let mut written: Option<(PathBuf, Bytes)> = None;
     let mut again = false;
@@ -295,12 +316,15 @@ fn write(shared: &Shared, system: &dyn FileSystem, progress: &Notify) {
             if state.closed {
                 return;
             }
-            match state.steps.front() {
-                Some(step) => break step.clone(),
-                None => {
-                    let woken = shared.changed.wait(state);
-                    state = woken.unwrap_or_else(PoisonError::into_inner);
-                }
+            if let Some(step) = state.steps.front() {
+                break step.clone();
+            }
+            let woken = shared.changed.wait_timeout(state, LINGERS);
+            let (woken, waited) = woken.unwrap_or_else(PoisonError::into_inner);
+            state = woken;
+            if waited.timed_out() && state.steps.is_empty() {
+                state.writing = false;
+                return;
             }
         };
         drop(state);
@@ -361,6 +385,8 @@ fn write(shared: &Shared, system: &dyn FileSystem, progress: &Notify) {
 
 /// Larger than any file of keys.
 const MAX_READ: u64 = 1 << 20;
+/// How long the thread stays without work: the steps of a change are queued at once, one after the other.
+const LINGERS: Duration = Duration::from_secs(1);
 /// The pause after a failure.
 const TRY_AGAIN: Duration = Duration::from_secs(1);
 
@@ -377,8 +403,7 @@ mod tests {
     fn what_is_written_is_read_at_once_and_on_the_disk_in_its_order() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        let files =
-            OrderedFiles::start(Arc::new(NativeFileSystem), Arc::new(Notify::new())).unwrap();
+        let files = OrderedFiles::new(Arc::new(NativeFileSystem), Arc::new(Notify::new()));
         for round in 0..20_u8 {
             replace(&files, &path("next"), &[round], true).unwrap();
             assert_eq!(**files.read(&path("next"), 9).unwrap().unwrap(), [round]);
@@ -402,11 +427,29 @@ mod tests {
     }
 
     #[test]
+    fn there_is_a_thread_only_while_there_is_something_to_write() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("key");
+        let files = OrderedFiles::new(Arc::new(NativeFileSystem), Arc::new(Notify::new()));
+        assert!(!files.state().writing);
+        for round in 0..2_u8 {
+            replace(&files, &path, &[round], true).unwrap();
+            assert!(files.state().writing);
+            assert!(wait(&files));
+            assert_eq!(std::fs::read(&path).unwrap(), [round]);
+            let end = Instant::now() + Duration::from_secs(20);
+            while files.state().writing && Instant::now() < end {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            assert!(!files.state().writing);
+        }
+    }
+
+    #[test]
     fn what_was_taken_takes_effect_and_what_was_refused_never_does() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        let files =
-            OrderedFiles::start(Arc::new(NativeFileSystem), Arc::new(Notify::new())).unwrap();
+        let files = OrderedFiles::new(Arc::new(NativeFileSystem), Arc::new(Notify::new()));
         std::fs::create_dir(path("key")).unwrap();
         replace(&files, &path("key"), b"1", true).unwrap();
         let all = Changes {
@@ -435,8 +478,7 @@ mod tests {
     fn a_fault_between_changes_that_belong_together_refuses_none_of_them() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
-        let files =
-            OrderedFiles::start(Arc::new(NativeFileSystem), Arc::new(Notify::new())).unwrap();
+        let files = OrderedFiles::new(Arc::new(NativeFileSystem), Arc::new(Notify::new()));
         std::fs::create_dir(path("record")).unwrap();
         let both = files.together(|| {
             replace(&files, &path("record"), b"1", true).unwrap();

@@ -93,13 +93,11 @@ impl Server {
             GuardThread::start(&config, store.shared(), clock).map_err(StartError::Writer)?;
         let stored = Arc::new(Notify::new());
         // From here on nothing waits for the disk.
-        let key_stores = key_stores.into_iter().map(|keys| {
-            keys.map(|keys| OrderedKeys::start(keys, &store, stored.clone()))
-                .transpose()
-        });
+        let start = |keys| OrderedKeys::start(keys, &store, stored.clone());
         let key_stores = key_stores
-            .collect::<Result<_, _>>()
-            .map_err(StartError::Writer)?;
+            .into_iter()
+            .map(|keys| keys.map(&start))
+            .collect();
         let store = QueuedDisk::new(store, stored.clone()).map_err(StartError::Writer)?;
         let shared = Shared {
             clock,

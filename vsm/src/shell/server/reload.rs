@@ -375,8 +375,7 @@ fn read_vehicle(
     open: &mut Open,
 ) -> Result<Files, StartError> {
     let (key, keys) = open_keys(vehicle, known, &mut open.store, &KeyStore::open)?;
-    let start = |keys| OrderedKeys::start(keys, &open.store, open.stored.clone());
-    let keys = keys.map(start).transpose().map_err(StartError::Writer)?;
+    let keys = keys.map(|keys| OrderedKeys::start(keys, &open.store, open.stored.clone()));
     if let Some(keys) = &keys {
         // The bridge reads the keys when it begins to serve the vehicle, and the key exchange reads its records.
         let records = [ExchangeRecord::name(&vehicle.id), IDENTITY.to_owned()];
