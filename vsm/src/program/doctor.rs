@@ -2,6 +2,7 @@
 //!
 //! If the bridge runs it is asked, since only it sees what arrives; otherwise this computer is checked.
 
+use std::collections::HashSet;
 use std::path::Path;
 use std::time::Duration;
 
@@ -13,8 +14,8 @@ use super::process::{Failure, failed, load, named_store, print, report_line, run
 use super::status::RUNS_ON;
 use crate::config::Config;
 use crate::session::Logged;
-use crate::session::findings::Finding;
 use crate::session::findings::host::{self, HostFacts, StoreFact};
+use crate::session::findings::{Code, Finding};
 use crate::shell::{self_check, status_socket};
 
 /// What of the status is needed.
@@ -56,15 +57,11 @@ pub(crate) fn run(path: &Path, json: bool) -> Result<(), Failure> {
     };
     let mut found = host::judge(&facts);
     if let Some(running) = &running {
-        for finding in &running.findings {
-            // A finding of both this program and the bridge is listed once.
-            if !found
-                .iter()
-                .any(|one| one.code == finding.code && one.about == finding.about)
-            {
-                found.push(finding.clone());
-            }
-        }
+        // A finding of both this program and the bridge is listed once.
+        let of = |one: &Finding| (one.code, one.about.clone());
+        let mut listed: HashSet<(Code, String)> = found.iter().map(of).collect();
+        let others = running.findings.iter().filter(|one| listed.insert(of(one)));
+        found.extend(others.cloned());
     }
     let standby = facts.standby.as_deref();
     show(&config.store.dir, running.as_ref(), standby, &found, json)?;

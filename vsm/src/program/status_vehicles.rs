@@ -1,5 +1,6 @@
 //! Which vehicles `vsm status` shows, what of each, and how many of them are in which state.
 
+use std::collections::BTreeSet;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde_json::Value;
@@ -19,7 +20,7 @@ pub(super) fn narrow(status: &mut Value, to: &VehiclePattern) -> anyhow::Result<
     if let Some(vehicles) = status["vehicles"].as_array_mut() {
         vehicles.retain(|one| to.matches(plain(&one["id"]), plain(&one["tail_number"])));
     }
-    let kept = ids(status);
+    let kept: BTreeSet<String> = ids(status).into_iter().collect();
     if kept.is_empty() {
         let there_are = match &all[..] {
             [] => "there is none".to_owned(),
@@ -32,7 +33,7 @@ pub(super) fn narrow(status: &mut Value, to: &VehiclePattern) -> anyhow::Result<
         );
     }
     if let Some(rights) = status["rights"].as_array_mut() {
-        rights.retain(|row| kept.iter().any(|id| row["vehicle"] == id.as_str()));
+        rights.retain(|row| row["vehicle"].as_str().is_some_and(|id| kept.contains(id)));
     }
     Ok(())
 }

@@ -127,10 +127,13 @@ impl Bridge {
         &'a self,
         of: &'a Aircraft,
     ) -> impl Iterator<Item = (u8, u32)> + 'a {
-        let here = self.aircraft.on_port(of.port);
-        let ours = move |system| here.iter().any(|(known, _)| *known == system);
+        // Each second for each vehicle: a search for each system would cost the third power of their number.
+        let mut ours = [false; 1 << u8::BITS];
+        for (system, _) in self.aircraft.on_port(of.port) {
+            ours[usize::from(*system)] = true;
+        }
         let others = of.link.other_systems();
-        others.filter(move |(system, _)| !ours(*system))
+        others.filter(move |(system, _)| !ours[usize::from(*system)])
     }
 
     /// Logs each system that sends on a link and is not configured there: nobody looks for a second autopilot or ground

@@ -1,6 +1,7 @@
 //! Checks for faults once a second. Each finding is reported once: by a log line, and by an alert to the listening stations
 //! that is active until the fault is gone.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use mavlink_link::Now;
@@ -139,12 +140,12 @@ impl Bridge {
         if self.outbox.is_paused() {
             found.push(findings::lease());
         }
+        // What anybody can send does not take the place of the reason.
+        let reasons = self.checks.found.iter().filter(|one| !is_quiet(one));
+        let explained: BTreeSet<&str> = reasons.map(|one| one.about.as_str()).collect();
         let fallen = |one: &&Aircraft| one.vehicle.was_live() && !one.vehicle.live();
         for one in self.aircraft.iter().filter(fallen) {
-            let about = one.id().to_string();
-            // What anybody can send does not take the place of the reason.
-            let explains = |known: &Finding| known.about == about && !is_quiet(known);
-            if !found.iter().any(explains) {
+            if !explained.contains(one.id().to_string().as_str()) {
                 found.extend(vehicle::silent(&self.evidence_of(mono, one)));
             }
         }
@@ -169,17 +170,25 @@ impl Bridge {
         self.name_others(now, disk);
         let mut found = self.own_findings(now.mono, now.wall);
         self.report_own(now, &found, disk);
+        let before = self.checks.found.iter().filter(|one| is_quiet(one));
+        let noted: BTreeSet<String> = before.map(|one| one.about.clone()).collect();
         for index in 0..self.aircraft.len() {
             let one = self.vehicle_finding(now.mono, index);
-            self.report_of(now, index, one.as_ref(), disk);
+            self.report_of(now, index, one.as_ref(), &noted, disk);
             found.extend(one);
         }
         self.checks.found = found;
     }
 
-    /// Reports the findings of a vehicle to its listeners.
-    fn report_of(&mut self, now: Now, index: usize, found: Option<&Finding>, disk: &mut dyn Disk) {
-        let known = found.is_some_and(|one| self.checks.found.contains(one));
+    /// Reports the findings of a vehicle to its listeners. `noted`: the vehicles whose quiet one is in the log already.
+    fn report_of(
+        &mut self,
+        now: Now,
+        index: usize,
+        found: Option<&Finding>,
+        noted: &BTreeSet<String>,
+        disk: &mut dyn Disk,
+    ) {
         let (mut dli, aircraft) = self.effects(now, disk);
         let Some(one) = aircraft.get_mut(index) else {
             return;
@@ -198,7 +207,7 @@ impl Bridge {
             if !is_quiet {
                 let cause = cause(finding);
                 effects.raise(cause, AlertPriority::Warning, SubsystemId::Comms, text);
-            } else if !known {
+            } else if !noted.contains(&finding.about) {
                 effects.note(LogLevel::Warning, text);
             }
         }

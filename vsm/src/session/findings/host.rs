@@ -1,5 +1,6 @@
 //! This computer: what the shell has looked at, before or beside a running bridge, and what of it does not work.
 
+use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
@@ -114,7 +115,7 @@ pub enum PortProblem {
 }
 
 /// A key file that cannot be used, or that holds another key than the one in force.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct KeyFault {
     /// Whose: a vehicle, a CUCS, a table of the configuration.
     pub whose: String,
@@ -267,9 +268,10 @@ impl KeyFiles {
     /// The shell has looked: the files that cannot be used. Returns whether the look before has missed one of them.
     pub(crate) fn note(&mut self, faults: Vec<KeyFault>) -> bool {
         // A file that is missing at one look may be one that is just being replaced.
-        let twice = faults.iter().filter(|one| self.latest.contains(one));
+        let before: BTreeSet<&KeyFault> = self.latest.iter().collect();
+        let twice = faults.iter().filter(|one| before.contains(one));
         self.standing = twice.take(MAX_NAMED).map(key_file).collect();
-        let is_new = faults.iter().any(|one| !self.latest.contains(one));
+        let is_new = faults.iter().any(|one| !before.contains(one));
         self.latest = faults;
         is_new
     }
