@@ -112,6 +112,8 @@ impl OrderedFiles {
     /// The files cannot be written at present; `changes` was not called.
     pub fn together<T>(&self, changes: impl FnOnce() -> T) -> io::Result<T> {
         let mut state = self.state();
+        // It stays until all of them are queued.
+        self.0.start_writing(&mut state)?;
         if let Some(fault) = &state.fault {
             return Err(io::Error::other(fault.clone()));
         }
@@ -164,6 +166,7 @@ impl OrderedFiles {
             // Of a change that was accepted: done with the next one.
             tracing::error!("the keys cannot be written: {cause}");
             state.fault = Some(cause.to_string());
+            self.0.progress.notify_one();
         }
         let step = step(&mut state)?;
         state.steps.push_back(step);
@@ -306,8 +309,9 @@ impl Drop for Owner {
     }
 }
 
-/// The thread. It ends once there was nothing to write for a while, or with the last of those who write.
+/// The thread. It ends once there was nothing to write for a while, but not within a change, or with the last of those who write.
 fn write(shared: &Shared, system: &dyn FileSystem, progress: &Notify) {
+    // Until a later step is done: its synchronisation may have to write it again.
     let mut written: Option<(PathBuf, Bytes)> = None;
     let mut again = false;
     loop {
@@ -322,7 +326,8 @@ fn write(shared: &Shared, system: &dyn FileSystem, progress: &Notify) {
             let woken = shared.changed.wait_timeout(state, LINGERS);
             let (woken, waited) = woken.unwrap_or_else(PoisonError::into_inner);
             state = woken;
-            if waited.timed_out() && state.steps.is_empty() {
+            let is_between = state.together || written.is_some();
+            if waited.timed_out() && state.steps.is_empty() && !is_between {
                 state.writing = false;
                 return;
             }
@@ -355,6 +360,7 @@ fn write(shared: &Shared, system: &dyn FileSystem, progress: &Notify) {
             Ok(lock) => {
                 state.locks.extend(lock);
                 state.steps.pop_front();
+                written = written.filter(|_| matches!(step, Step::Write(..)));
                 state.durable += 1;
                 if state.fault.take().is_some() {
                     tracing::info!("the keys can be written again");
@@ -443,6 +449,30 @@ mod tests {
             }
             assert!(!files.state().writing);
         }
+    }
+
+    /// A process that is stopped for a while between two steps: the next of them may need what the thread knows.
+    #[test]
+    fn the_thread_stays_within_a_change() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("key");
+        let files = OrderedFiles::new(Arc::new(NativeFileSystem), Arc::new(Notify::new()));
+        let pause = || std::thread::sleep(LINGERS + LINGERS / 2);
+        let begun = files.together(|| {
+            pause();
+            assert!(files.state().writing);
+            files.write(&path, b"1")
+        });
+        begun.unwrap().unwrap();
+        pause();
+        assert!(files.is_durable() && files.state().writing);
+        files.sync(&path).unwrap();
+        assert!(wait(&files));
+        let end = Instant::now() + Duration::from_secs(20);
+        while files.state().writing && Instant::now() < end {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        assert!(!files.state().writing);
     }
 
     #[test]
