@@ -715,6 +715,61 @@ fn a_later_load_that_ends_early_too_hides_no_route_that_the_vehicle_holds() {
     }
 }
 
+/// A load for a mode command fails at its read-back: of a route that nobody waits for any more, and of the loaded one.
+#[test]
+fn a_route_whose_load_for_a_mode_fails_is_named_unless_it_is_the_loaded_one() {
+    for is_loaded in [false, true] {
+        let (mut world, mut mission) = ready();
+        if !is_loaded {
+            stored(&mut world, &mut mission);
+        }
+        let items = compiled(&mut world, &mission);
+        let id = plan_id(&items);
+        if is_loaded {
+            command(&mut world, &mut mission, transfer(Mode::Load));
+            transferred(&mut world, &mut mission, MISSION, &items);
+            world.vehicle.telemetry.mission = named(id, 0);
+            handle(&mut world, &mut mission, Input::Advance);
+        }
+        assert_eq!(mission.store.loaded.is_some(), is_loaded);
+        world.vehicle.telemetry.mission = named(id + 1, 0);
+        let wanted = VehicleOperatingModeCommand::default();
+        let message = wanted.clone().into();
+        let input = Input::LoadAndFly {
+            origin: Some(origin(&message)),
+            route_type: (!is_loaded).then_some(stanag_msgs::enums::RouteType::Flight),
+            command: Box::new(wanted),
+        };
+        handle(&mut world, &mut mission, input);
+        handle(&mut world, &mut mission, Input::Advance);
+        if !is_loaded {
+            let drop = Input::DropWaitingCommand {
+                why: "superseded".to_owned(),
+                without_right: false,
+            };
+            handle(&mut world, &mut mission, drop);
+        }
+        let uploaded = Event::Uploaded {
+            kind: MISSION,
+            opaque_id: id,
+        };
+        ended(&mut world, &mut mission, Operation::Upload, uploaded);
+        let downloaded = Event::Downloaded {
+            kind: MISSION,
+            items: items[1..].to_vec(),
+            opaque_id: id,
+        };
+        ended(&mut world, &mut mission, Operation::Download, downloaded);
+        assert!(!mission.transfers.is_running());
+        reports(&mut world);
+        world.vehicle.telemetry.mission = named(id, 0);
+        handle(&mut world, &mut mission, Input::CompareWithVehicle);
+        let (_, texts) = reports(&mut world);
+        let is_named = texts.contains("the vehicle holds the route whose load");
+        assert_eq!(is_named, !is_loaded, "{texts}");
+    }
+}
+
 #[test]
 fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
     let mut world = World::new();

@@ -174,12 +174,7 @@ impl Transfers {
         match &mut load.work {
             Work::Load(upload) => {
                 if upload.cancel(context.mono(), context.vehicle, effects.vehicle) {
-                    let is_loaded = |id: &u32| {
-                        let loaded = store.loaded.as_ref();
-                        loaded.is_some_and(|loaded| loaded.mission_id == *id)
-                    };
-                    let id = upload.mission_id.filter(|id| !is_loaded(id));
-                    self.note_ended_early(id);
+                    self.note_ended_early(upload.mission_id, store);
                     store.forget_uploaded(effects);
                 }
             }
@@ -192,9 +187,12 @@ impl Transfers {
         load.end(None, why.to_owned(), effects);
     }
 
-    /// The load of the route with this id has ended early.
-    fn note_ended_early(&mut self, id: Option<u32>) {
-        let Some(id) = id else { return };
+    /// The load of the route with this id has ended early. The loaded route is the one that the vehicle is to hold.
+    fn note_ended_early(&mut self, id: Option<u32>, store: &MissionStore) {
+        let loaded = store.loaded.as_ref().map(|loaded| loaded.mission_id);
+        let Some(id) = id.filter(|id| loaded != Some(*id)) else {
+            return;
+        };
         self.ended_early.retain(|known| *known != id);
         if self.ended_early.len() == MAX_ENDED_EARLY {
             self.ended_early.remove(0);

@@ -253,13 +253,12 @@ impl Transfers {
                     }
                 }
                 if touched {
-                    // The loaded route is no other than the one that it is to hold.
-                    if let (false, Work::Load(upload)) = (load.is_own(), &load.work) {
-                        self.note_ended_early(upload.mission_id);
-                    }
                     // A 13000 was to replace the loaded route. A load for a mode keeps it, so that it can be uploaded again.
                     if load.origin.is_some() {
                         store.loaded = None;
+                    }
+                    if let Work::Load(upload) = &load.work {
+                        self.note_ended_early(upload.mission_id, store);
                     }
                     store.forget_uploaded(effects);
                 }
