@@ -62,6 +62,21 @@ impl Flight {
         };
         self.stream_curve(context, curve_stream::Input::Superseded, effects);
         self.supersede(context, origin, effects);
+        self.run(context, origin, maneuver, effects);
+    }
+
+    /// From here on this is the maneuver in progress.
+    pub(super) fn run(
+        &mut self,
+        context: &Context<'_>,
+        origin: Option<Origin>,
+        maneuver: Maneuver,
+        effects: &mut Effects<'_>,
+    ) {
+        // What the vehicle says from now on may be about this one.
+        if let Some(before) = self.unexplained.take() {
+            before.answer(context.vehicle, effects);
+        }
         self.maneuver = Some((origin, maneuver));
     }
 

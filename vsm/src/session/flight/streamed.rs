@@ -68,7 +68,7 @@ impl Flight {
         // was commanded for this one, its speed, stays.
         if self.maneuver.is_none() {
             let maneuver = Maneuver::new(maneuver::enter(modes), self.commanded);
-            self.maneuver = Some((None, maneuver));
+            self.run(context, None, maneuver, effects);
         }
     }
 }

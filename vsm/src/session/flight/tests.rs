@@ -296,6 +296,22 @@ fn a_refused_mode_is_answered_once_the_vehicles_reason_has_come_or_does_not_come
     }
 }
 
+/// Its reason has not come when the next maneuver begins, and what the vehicle says then may be about that.
+#[test]
+fn a_refused_mode_is_answered_when_another_maneuver_begins() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+    command(&mut world, &mut flight, select(Mode::Loiter));
+    world.commanded_modes();
+    for event in world.answer(MavCmd::MAV_CMD_DO_SET_MODE, DENIED) {
+        handle(&mut world, &mut flight, Input::CommandEnded(&event));
+    }
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(acknowledgements(&world.sent_to(0)), []);
+    let answers = command(&mut world, &mut flight, turn_to(0.0));
+    assert!(answers.contains(&AckType::Refused), "{answers:?}");
+    assert!(flight.view().maneuver && flight.unexplained.is_none());
+}
+
 #[test]
 fn a_steered_vehicle_that_nobody_controls_any_more_is_held() {
     for nobody in [false, true] {

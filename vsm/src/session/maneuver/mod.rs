@@ -261,7 +261,9 @@ impl Maneuver {
                     sent: self.commanded_at.unwrap_or(now),
                     at: now,
                 };
-                Progress::Refused(Refusal::by_vehicle(why, answered))
+                // Of a command that it does not know PX4 says no more.
+                let explains = result != MavResult::MAV_RESULT_UNSUPPORTED;
+                Progress::Refused(Refusal::by_vehicle(why, explains.then_some(answered)))
             }
             // If the link loses every COMMAND_ACK, the command may have been carried out all the same, and an operator who
             // reads that it was refused would be misled. What the vehicle has shown since decides.
@@ -673,8 +675,30 @@ mod tests {
         }
     }
 
-    /// As in recordings of PX4: its COMMAND_ACK, and up to 0.13 s later the STATUSTEXT. A warning of before the command is none of
-    /// its reasons.
+    #[test]
+    fn a_command_that_the_vehicle_does_not_know_waits_for_no_reason() {
+        let mut world = World::airborne(Px4Mode::LOITER);
+        let mut maneuver = Maneuver::new(change_altitude(500.0), Commanded::default());
+        assert_eq!(advance(&mut maneuver, &mut world), Progress::Going);
+        let now = world.now.mono;
+        world.vehicle.complain(now, "Low battery");
+        let command = MavCmd::MAV_CMD_DO_CHANGE_ALTITUDE;
+        let events = world.answer(command, MavResult::MAV_RESULT_UNSUPPORTED);
+        let [event] = events.as_slice() else {
+            panic!("one answer, not {events:?}");
+        };
+        let progress = maneuver.handle_command(now, event, &world.vehicle);
+        let Progress::Refused(refusal) = progress else {
+            panic!("it is unsupported, not {progress:?}");
+        };
+        assert!(refusal.is_by_vehicle() && !refusal.awaits_reason(now, &world.vehicle));
+        assert_eq!(refusal.poll_timeout(), None);
+        let text = refusal.text(&world.vehicle);
+        assert!(text.ends_with("unsupported"), "{text}");
+    }
+
+    /// As PX4 v1.17 and v1.18 do: the COMMAND_ACK, and the STATUSTEXT at once, or once 130 ms later. A warning of before the command is
+    /// none of its reasons.
     #[test]
     fn a_refusal_waits_for_the_reason_that_comes_behind_the_answer() {
         for reason_after_ms in [Some(0), Some(130), None] {

@@ -11,7 +11,9 @@ use crate::session::link::state::{REASON_WITHIN, VehicleState};
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Refusal {
     why: String,
-    answered: Option<Answered>,
+    by_vehicle: bool,
+    /// Of this command the vehicle's reason may still come.
+    unexplained: Option<Answered>,
 }
 
 /// The command that the vehicle has refused.
@@ -23,35 +25,44 @@ pub(super) struct Answered {
 }
 
 impl Refusal {
-    /// The vehicle has refused a command, and sends its reason apart from that.
-    pub(super) fn by_vehicle(why: String, answered: Answered) -> Refusal {
+    /// The vehicle has refused a command, and sends its reason apart from that, if it has one.
+    pub(super) fn by_vehicle(why: String, unexplained: Option<Answered>) -> Refusal {
         Refusal {
             why,
-            answered: Some(answered),
+            by_vehicle: true,
+            unexplained,
         }
     }
 
     /// Whether the vehicle has answered that it does not do what was commanded.
     pub(crate) fn is_by_vehicle(&self) -> bool {
-        self.answered.is_some()
+        self.by_vehicle
     }
 
     /// Whether the vehicle's reason may still come.
     pub(crate) fn awaits_reason(&self, now: Duration, vehicle: &VehicleState) -> bool {
         let comes = |at| now < at + REASON_WITHIN && !vehicle.has_complained(at);
-        self.answered.is_some_and(|answered| comes(answered.at))
+        self.unexplained.is_some_and(|of| comes(of.at))
     }
 
     /// When nothing more is awaited.
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
-        self.answered.map(|answered| answered.at + REASON_WITHIN)
+        self.unexplained.map(|of| of.at + REASON_WITHIN)
+    }
+
+    /// Adds the vehicle's reason, as far as it has come, and awaits nothing more: what the vehicle says later may be about another
+    /// command.
+    pub(crate) fn explain(&mut self, vehicle: &VehicleState) {
+        let reason = |of: Answered| vehicle.complaint(of.sent, of.at);
+        if let Some(reason) = self.unexplained.take().and_then(reason) {
+            self.why += &reason;
+        }
     }
 
     /// The text for an operator, with the vehicle's reason as far as it has come.
-    pub(crate) fn text(self, vehicle: &VehicleState) -> String {
-        let reason = |of: Answered| vehicle.complaint(of.sent, of.at);
-        let reason = self.answered.and_then(reason).unwrap_or_default();
-        self.why + &reason
+    pub(crate) fn text(mut self, vehicle: &VehicleState) -> String {
+        self.explain(vehicle);
+        self.why
     }
 }
 
@@ -59,7 +70,8 @@ impl From<String> for Refusal {
     fn from(why: String) -> Refusal {
         Refusal {
             why,
-            answered: None,
+            by_vehicle: false,
+            unexplained: None,
         }
     }
 }

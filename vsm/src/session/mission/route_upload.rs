@@ -284,6 +284,13 @@ impl RouteUpload {
         }
     }
 
+    /// Another maneuver has begun, and what the vehicle says from now on may be about that.
+    pub(super) fn expect_no_reason(&mut self, state: &VehicleState) {
+        if let Phase::NotHeld(why) = &mut self.phase {
+            why.explain(state);
+        }
+    }
+
     /// The vehicle does not hold: ends it once the reason has come.
     fn not_held(&mut self, now: Duration, why: Refusal, state: &VehicleState) -> Outcome {
         if why.awaits_reason(now, state) {

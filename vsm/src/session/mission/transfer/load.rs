@@ -180,6 +180,9 @@ impl Transfers {
                 return self.follow(context, outcome, store, progress, effects);
             }
         }
+        if context.flight.maneuver {
+            upload.expect_no_reason(context.vehicle);
+        }
         let held = upload.held;
         let site = site(context);
         let parts = (context.vehicle, &mut *effects.vehicle);
