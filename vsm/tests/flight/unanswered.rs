@@ -56,6 +56,26 @@ fn what_the_vehicle_does_not_show_is_refused_where_every_answer_is_lost() {
     );
 }
 
+/// What waited in the bridge's socket shows armed motors, as they were a minute ago.
+#[test]
+fn a_launch_is_not_continued_after_a_long_stop_of_the_bridge() {
+    for timers_first in [true, false] {
+        let mut rig = Rig::ready();
+        let launch = rig.send(orders::launch(20.0));
+        assert!(rig.until(20.0, |rig| rig.truth().armed));
+        rig.suspend_bridge(70.0, timers_first);
+        assert_eq!(rig.end(launch), Some(AckType::Refused));
+        let alerts = rig.station().alerts();
+        assert!(
+            rig.station().has_alert("did not run for over a minute"),
+            "{alerts:?}"
+        );
+        rig.run(15.0);
+        let truth = rig.truth();
+        assert!(!truth.armed && -truth.position.d < 1.0);
+    }
+}
+
 #[test]
 fn a_command_that_does_not_arrive_is_refused_in_the_mode_that_it_would_lead_to() {
     let mut rig = Rig::ready();

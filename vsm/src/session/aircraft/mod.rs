@@ -37,6 +37,7 @@ use super::link::VehicleLink;
 use super::link::frame::Peer;
 use super::link::services::Services;
 use super::link::state::VehicleState;
+use super::maneuver;
 use super::metadata::MetadataReader;
 use super::mission::{self, Mission};
 use super::payload::{self, Payload};
@@ -154,16 +155,30 @@ impl Aircraft {
         self.watch_soon(dli.now.mono);
     }
 
-    /// The bridge did not run in between: what the vehicle has answered and shown meanwhile is read after this, so whoever waits for
-    /// that waits as much longer.
+    /// The bridge did not run in between: nothing has lasted by that. What the vehicle has answered and shown meanwhile is read after
+    /// this, so whoever waits for that waits as much longer; not after a long stop, since a command must not take effect minutes later.
     pub(super) fn note_stop(&mut self, from: Duration, until: Duration) {
         let stopped = until.saturating_sub(from);
-        self.link.note_stop(&mut self.vehicle, from, until);
-        self.services.note_stop(stopped);
         self.flight.note_stop(stopped);
         self.mission.note_stop(stopped);
+        self.held.note_stop(stopped);
         self.reports.note_stop(stopped);
-        self.payload.note_stop(stopped);
+        if self.link.note_stop(&mut self.vehicle, from, until) {
+            self.services.postpone(stopped);
+            self.flight.postpone(stopped);
+            self.mission.postpone(stopped);
+            self.payload.postpone(stopped);
+            return;
+        }
+        self.flight.lapse(until, &mut self.services);
+        // A load continues, but what a CUCS wanted to fly with it is not flown minutes later. A contingency is, while its cause lasts.
+        let mission = self.mission.view(&self.vehicle, &self.services);
+        if mission.waiting_command().flatten().is_some() {
+            self.requests.push_back(Request::DropWaitingCommand {
+                why: maneuver::LAPSED.to_owned(),
+                without_right: false,
+            });
+        }
     }
 
     /// Does what is due. Stations see the results in the order of these steps.

@@ -40,6 +40,13 @@ pub(crate) enum What {
 }
 
 impl Watch {
+    /// The bridge did not run for so long.
+    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        if let Some(run) = &mut self.run {
+            run.since += stopped;
+        }
+    }
+
     /// Takes the latest report. Returns true if the cause has been gone for long enough.
     pub(crate) fn look(&mut self, now: Duration, seen: Seen) -> bool {
         if self.number == Some(seen.number) {
@@ -116,6 +123,23 @@ mod tests {
             }
         };
         reports.chars().enumerate().map(&mut after).collect()
+    }
+
+    /// A bad report before the stop, and the next two, which waited in a socket, at once after it.
+    #[test]
+    fn a_cause_has_not_lasted_while_the_bridge_did_not_run() {
+        let mut watch = Watch::default();
+        let mut look = |at: Duration, number, stopped| {
+            let what = What::Present;
+            watch.note_stop(stopped);
+            watch.look(at, Seen { number, what });
+            watch.stands
+        };
+        let (stopped, ms) = (Duration::from_secs(60), Duration::from_millis);
+        assert!(!look(ms(0), 0, ms(0)));
+        assert!(!look(stopped, 1, stopped));
+        assert!(!look(stopped + ms(20), 2, ms(0)));
+        assert!(look(stopped + LASTS, 3, ms(0)));
     }
 
     #[test]

@@ -313,8 +313,15 @@ impl Contingencies {
         }
     }
 
-    /// The bridge did not run for so long: the vehicle has not had that time to report its values.
+    /// The bridge did not run for so long: no cause has lasted by that, the vehicle has not had that time to report its values, nor an
+    /// operator to read an alert.
     pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        for watch in &mut self.watches {
+            watch.note_stop(stopped);
+        }
+        for alerted in self.alerted.iter_mut().flatten() {
+            *alerted += stopped;
+        }
         self.live_since = self.live_since.map(|since| since + stopped);
     }
 

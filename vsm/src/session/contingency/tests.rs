@@ -245,6 +245,10 @@ fn an_operator_decides_some_seconds_after_its_alert_and_a_release_ends_that() {
     let alerted = world.now.mono;
     assert!(!machine.knew_of(alerted) && !machine.knew_of(alerted + Duration::from_secs(2)));
     assert!(machine.knew_of(alerted + Duration::from_secs(3)));
+    // What waited while the bridge did not run was sent without that knowledge.
+    machine.note_stop(Duration::from_secs(60));
+    assert!(!machine.knew_of(alerted + Duration::from_secs(62)));
+    assert!(machine.knew_of(alerted + Duration::from_secs(63)));
     world.act(|_, _, effects| machine.overridden(&CONFIG, effects));
     assert!(!machine.stands());
     // Of another cause there was no alert.

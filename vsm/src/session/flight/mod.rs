@@ -64,6 +64,7 @@ use super::contingency::priority::Turn;
 use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::ignored_fields;
+use super::link::services::Services;
 use super::maneuver::{self, Maneuver, Progress, Step};
 use crate::config::{LinkAddress, OnLoss};
 
@@ -254,14 +255,36 @@ impl Flight {
         context.vehicle.settled_mode().filter(|_| !enters)
     }
 
-    /// The bridge did not run for so long: nobody could show it anything.
+    /// The bridge did not run for so long: nothing has lasted by that, and nobody has had that time to pause or to read an alert.
     pub(crate) fn note_stop(&mut self, stopped: Duration) {
-        let waits = self.maneuver.iter_mut().map(|(_, maneuver)| maneuver);
-        for maneuver in waits.chain(self.look.iter_mut().map(|(_, seen)| seen)) {
-            maneuver.note_stop(stopped);
-        }
         self.watched.note_stop(stopped);
         self.contingencies.note_stop(stopped);
+        if let Some((_, at)) = &mut self.mode_commanded {
+            *at += stopped;
+        }
+        self.load_commanded = self.load_commanded.map(|at| at + stopped);
+    }
+
+    /// The bridge did not run for so long: what the vehicle has shown meanwhile is not read yet.
+    pub(crate) fn postpone(&mut self, stopped: Duration) {
+        for maneuver in self.waits() {
+            maneuver.postpone(stopped);
+        }
+        if let Some(unexplained) = &mut self.unexplained {
+            unexplained.refusal.postpone(stopped);
+        }
+    }
+
+    /// The bridge did not run for too long: what was commanded before is not carried out any more.
+    pub(crate) fn lapse(&mut self, now: Duration, services: &mut Services) {
+        for maneuver in self.waits() {
+            maneuver.lapse(now, services);
+        }
+    }
+
+    fn waits(&mut self) -> impl Iterator<Item = &mut Maneuver> {
+        let running = self.maneuver.iter_mut().map(|(_, maneuver)| maneuver);
+        running.chain(self.look.iter_mut().map(|(_, seen)| seen))
     }
 
     /// Takes an input.

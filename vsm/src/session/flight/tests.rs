@@ -312,6 +312,39 @@ fn a_refused_mode_is_answered_when_another_maneuver_begins() {
     assert!(flight.view().maneuver && flight.unexplained.is_none());
 }
 
+/// A command that waited in a socket is part of the stream that it was sent in.
+#[test]
+fn no_station_has_paused_while_the_bridge_did_not_run() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+    command(&mut world, &mut flight, select(Mode::Loiter));
+    let stopped = Duration::from_secs(60);
+    world.advance(stopped);
+    flight.note_stop(stopped);
+    let commanded = Some((Mode::Loiter, world.now.mono));
+    assert_eq!(flight.mode_commanded, commanded);
+}
+
+/// The reason may wait unread while the bridge does not run.
+#[test]
+fn a_refused_mode_awaits_its_reason_over_a_stop_of_the_bridge() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+    command(&mut world, &mut flight, select(Mode::Loiter));
+    world.commanded_modes();
+    for event in world.answer(MavCmd::MAV_CMD_DO_SET_MODE, DENIED) {
+        handle(&mut world, &mut flight, Input::CommandEnded(&event));
+    }
+    let due = flight.poll_timeout().expect("the answer");
+    let stopped = Duration::from_secs(60);
+    world.advance(stopped);
+    flight.postpone(stopped);
+    assert_eq!(flight.poll_timeout(), Some(due + stopped));
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(acknowledgements(&world.sent_to(0)), []);
+    world.vehicle.complain(world.now.mono, REASON);
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(acknowledgements(&world.sent_to(0)), [AckType::Refused]);
+}
+
 #[test]
 fn a_steered_vehicle_that_nobody_controls_any_more_is_held() {
     for nobody in [false, true] {

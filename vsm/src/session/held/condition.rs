@@ -197,6 +197,16 @@ impl Condition {
         }
     }
 
+    /// The bridge did not run for so long: nothing has lasted by that.
+    pub(super) fn note_stop(&mut self, stopped: Duration) {
+        if let Condition::Battery {
+            since: Some(since), ..
+        } = self
+        {
+            *since += stopped;
+        }
+    }
+
     /// When time alone meets it, or requires another check.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         match self {
@@ -288,3 +298,20 @@ pub(super) fn wall_ms(wall: Duration) -> u64 {
 /// How long low energy must be reported, as for an alert.
 const BATTERY_LASTS: Duration = Duration::from_millis(1_500);
 const WIDEST_M: f64 = 1e5;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_low_battery_has_not_lasted_while_the_bridge_did_not_run() {
+        let (seen, stopped) = (Duration::from_secs(1), Duration::from_secs(60));
+        let mut condition = Condition::Battery {
+            below: 30,
+            since: Some(seen),
+        };
+        condition.note_stop(stopped);
+        let due = seen + stopped + BATTERY_LASTS;
+        assert_eq!(condition.poll_timeout(), Some(due));
+    }
+}

@@ -127,6 +127,13 @@ impl Held {
         true
     }
 
+    /// The bridge did not run for so long: nothing has lasted by that.
+    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+        for entry in &mut self.entries {
+            entry.condition.note_stop(stopped);
+        }
+    }
+
     /// Whether a command waits until its start is stored.
     pub(crate) fn awaits_disk(&self) -> bool {
         !self.storing.is_empty()

@@ -214,20 +214,22 @@ impl VehicleLink {
         self.packets = packets;
     }
 
-    /// The bridge did not run in between: nobody was silent to it for that time, or left it unanswered.
+    /// The bridge did not run in between: nobody was silent to it for that time, or left it unanswered. Returns whether the vehicle
+    /// counts as the one of before: see [`VehicleState::note_stop`].
     pub(crate) fn note_stop(
         &mut self,
         vehicle: &mut VehicleState,
         from: Duration,
         until: Duration,
-    ) {
+    ) -> bool {
         let stopped = until.saturating_sub(from);
-        vehicle.note_stop(from, until);
+        let known = vehicle.note_stop(from, until);
         self.arrivals.note_stop(stopped);
         self.stale_at_start.note_stop(stopped);
         self.live_since = self.live_since.map(|since| since + stopped);
         self.stopped += stopped;
         self.ran_again = Some(until);
+        known
     }
 
     /// When a frame was last accepted: as long ago as the bridge has run since.

@@ -61,7 +61,7 @@ impl Services {
     }
 
     /// The bridge did not run for so long: an answer may wait unread. The other services lose one of many tries by that.
-    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+    pub(crate) fn postpone(&mut self, stopped: Duration) {
         for commands in self.components.values_mut().chain([&mut self.commands]) {
             commands.postpone(stopped);
         }

@@ -109,13 +109,15 @@ impl VehicleState {
         Some((mode.max(again) + SILENCE).min(beat.max(again) + NO_HEARTBEAT))
     }
 
-    /// The bridge did not run in between: the vehicle was not silent for that time.
-    pub(super) fn note_stop(&mut self, from: Duration, until: Duration) {
+    /// The bridge did not run in between: the vehicle was not silent for that time. Returns false after a longer one: it is treated
+    /// as a vehicle that was silent, since it may be another, or have restarted.
+    pub(super) fn note_stop(&mut self, from: Duration, until: Duration) -> bool {
         self.measured.note_stop(from, until, &mut self.telemetry);
-        // After a longer one it is treated as a vehicle that was silent, since it may be another, or have restarted.
-        if until.saturating_sub(from) <= MAX_STOP {
+        let known = until.saturating_sub(from) <= MAX_STOP;
+        if known {
             self.ran_again = Some(until);
         }
+        known
     }
 
     /// Its time since boot, ms, from the latest message that has it.

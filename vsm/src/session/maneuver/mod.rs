@@ -114,6 +114,8 @@ enum Waiting {
     Confirmation {
         deadline: Duration,
     },
+    /// Too long ago to be continued.
+    Lapsed,
 }
 
 impl Maneuver {
@@ -431,20 +433,27 @@ impl Maneuver {
                         return Progress::Going;
                     }
                 }
+                (Waiting::Lapsed, _) => return refused(LAPSED.to_owned()),
                 _ => return Progress::Going,
             }
         }
     }
 
     /// The bridge did not run for so long: what the vehicle has shown meanwhile is not read yet.
-    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+    pub(crate) fn postpone(&mut self, stopped: Duration) {
         match &mut self.waiting {
             Waiting::Answer { patient_until, .. } | Waiting::Again { patient_until, .. } => {
                 *patient_until += stopped;
             }
             Waiting::Confirmation { deadline } => *deadline += stopped,
-            Waiting::Nothing | Waiting::Current | Waiting::Pause { .. } => {}
+            Waiting::Nothing | Waiting::Current | Waiting::Pause { .. } | Waiting::Lapsed => {}
         }
+    }
+
+    /// The bridge did not run for too long: the next [`Maneuver::advance`] refuses it, whatever the vehicle has answered and shown.
+    pub(crate) fn lapse(&mut self, now: Duration, services: &mut Services) {
+        self.withdraw(now, services);
+        self.waiting = Waiting::Lapsed;
     }
 
     /// When [`Maneuver::advance`] is next needed.
@@ -453,7 +462,7 @@ impl Maneuver {
             Waiting::Again { at, .. } => Some(at),
             Waiting::Pause { until } => Some(until),
             Waiting::Confirmation { deadline } => Some(deadline),
-            Waiting::Nothing => Some(Duration::ZERO),
+            Waiting::Nothing | Waiting::Lapsed => Some(Duration::ZERO),
             // The services report the end of these, timeouts included, by an event.
             Waiting::Answer { .. } | Waiting::Current => None,
         }
@@ -466,19 +475,22 @@ impl Maneuver {
         vehicle: &VehicleState,
         services: &mut Services,
     ) {
-        if let Waiting::Answer { ticket, .. } = self.waiting {
-            // Unanswered commands are repeated for seconds: PX4 could receive this one after that of a later maneuver.
-            services.commands.withdraw(now, ticket);
-        }
-        if matches!(self.waiting, Waiting::Current) {
-            services.missions.cancel();
-        }
+        self.withdraw(now, services);
         // In the air nothing is undone: motors must not stop there, and PX4 refuses to disarm.
         let on_ground =
             vehicle.telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
         if let (true, true, Some(undo)) = (self.armed_by_us, on_ground, self.undo) {
             // A full queue means that the vehicle does not answer; PX4 disarms by itself on the ground (COM_DISARM_PRFLT).
             let _ = services.commands.submit(now, undo);
+        }
+    }
+
+    fn withdraw(&self, now: Duration, services: &mut Services) {
+        match self.waiting {
+            // Unanswered commands are repeated for seconds: PX4 could receive this one after that of a later maneuver.
+            Waiting::Answer { ticket, .. } => services.commands.withdraw(now, ticket),
+            Waiting::Current => services.missions.cancel(),
+            _ => {}
         }
     }
 
@@ -593,11 +605,16 @@ fn name(result: MavResult) -> &'static str {
 /// command or somebody else's led to what the vehicle then shows is not known.
 pub(crate) const MAY_BE_DONE: &str =
     "it may have been carried out all the same, check the vehicle's state";
+/// Where the bridge did not run for too long.
+pub(crate) const LAPSED: &str = "the VSM did not run for over a minute and continues nothing of before: check the vehicle's state, and \
+                                 command again";
 /// Time between two attempts after a temporary rejection.
 const PAUSE: Duration = Duration::from_millis(400);
 
 #[cfg(test)]
 mod tests {
+    use mavlink_link::dialect::MavMessage;
+
     use super::*;
     use crate::session::testing::World;
 
@@ -668,11 +685,81 @@ mod tests {
             let stopped = Duration::from_secs(60);
             world.advance(stopped);
             if noted {
-                maneuver.note_stop(stopped);
+                maneuver.postpone(stopped);
             }
             let waits = advance(&mut maneuver, &mut world) == Progress::Going;
             assert_eq!(waits, noted);
         }
+    }
+
+    /// The oldest of what waited in a socket shows what the launch waited for, minutes ago.
+    #[test]
+    fn a_launch_continues_after_a_short_stop_and_is_undone_after_a_long_one() {
+        for lapsed in [false, true] {
+            let mut world = World::new();
+            world.vehicle.telemetry.landed = Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
+            let enters = |step: &Step| !matches!(step, Step::Command { what: "arming", .. });
+            let steps = launch(420.0).into_iter().skip_while(enters);
+            let mut maneuver = Maneuver::new(steps, Commanded::default()).undone_by(arm(false));
+            assert_eq!(advance(&mut maneuver, &mut world), Progress::Going);
+            world.commanded_modes();
+            let arming = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
+            for event in world.answer(arming, MavResult::MAV_RESULT_ACCEPTED) {
+                maneuver.handle_command(world.now.mono, &event, &world.vehicle);
+            }
+            assert_eq!(advance(&mut maneuver, &mut world), Progress::Going);
+            let stopped = Duration::from_secs(if lapsed { 600 } else { 60 });
+            world.advance(stopped);
+            let now = world.now.mono;
+            if lapsed {
+                maneuver.lapse(now, &mut world.services);
+            } else {
+                maneuver.postpone(stopped);
+            }
+            assert!(maneuver.poll_timeout().is_some());
+            world.vehicle.telemetry.armed = Some(true);
+            let expected = if lapsed {
+                Progress::Refused(LAPSED.to_owned().into())
+            } else {
+                Progress::Going
+            };
+            assert_eq!(advance(&mut maneuver, &mut world), expected);
+            if lapsed {
+                maneuver.abandon(now, &world.vehicle, &mut world.services);
+            }
+            let sent: Vec<_> = std::iter::from_fn(|| world.services.commands.poll_transmit())
+                .filter_map(|message| match message {
+                    MavMessage::COMMAND_LONG(command) => Some((command.command, command.param1)),
+                    _ => None,
+                })
+                .collect();
+            let expected = if lapsed {
+                arming
+            } else {
+                MavCmd::MAV_CMD_NAV_TAKEOFF
+            };
+            assert_eq!(sent, [(expected, 0.0)]);
+        }
+    }
+
+    /// An answer that was not read before a long stop belongs to nothing any more.
+    #[test]
+    fn a_command_without_an_answer_before_a_long_stop_is_not_repeated_after_it() {
+        let mut world = World::airborne(Px4Mode::LOITER);
+        let mut maneuver = Maneuver::new(change_altitude(500.0), Commanded::default());
+        assert_eq!(advance(&mut maneuver, &mut world), Progress::Going);
+        world.commanded_modes();
+        world.advance(Duration::from_secs(600));
+        let now = world.now.mono;
+        maneuver.lapse(now, &mut world.services);
+        world.services.commands.handle_timeout(now);
+        assert!(world.services.commands.poll_transmit().is_none());
+        while let Some(event) = world.services.commands.poll_event() {
+            let progress = maneuver.handle_command(now, &event, &world.vehicle);
+            assert_eq!(progress, Progress::Going);
+        }
+        let refused = Progress::Refused(LAPSED.to_owned().into());
+        assert_eq!(advance(&mut maneuver, &mut world), refused);
     }
 
     #[test]

@@ -50,6 +50,13 @@ impl Refusal {
         self.unexplained.map(|of| of.at + REASON_WITHIN)
     }
 
+    /// The bridge did not run for so long: the reason may wait unread.
+    pub(crate) fn postpone(&mut self, by: Duration) {
+        if let Some(of) = &mut self.unexplained {
+            of.at += by;
+        }
+    }
+
     /// Adds the vehicle's reason, as far as it has come, and awaits nothing more: what the vehicle says later may be about another
     /// command.
     pub(crate) fn explain(&mut self, vehicle: &VehicleState) {

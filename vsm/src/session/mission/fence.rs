@@ -108,9 +108,9 @@ impl Fence {
     }
 
     /// The bridge did not run for so long.
-    pub(super) fn note_stop(&mut self, stopped: Duration) {
+    pub(super) fn postpone(&mut self, stopped: Duration) {
         if let Some(work) = &mut self.work {
-            work.upload.note_stop(stopped);
+            work.upload.postpone(stopped);
         }
     }
 

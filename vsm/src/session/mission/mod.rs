@@ -232,11 +232,16 @@ impl Mission {
         Ok(())
     }
 
-    /// The bridge did not run for so long: what the vehicle has reported meanwhile is not read yet.
+    /// The bridge did not run for so long: nothing has lasted by that.
     pub(crate) fn note_stop(&mut self, stopped: Duration) {
-        self.transfers.note_stop(stopped);
-        self.fence.note_stop(stopped);
         self.rally.note_stop(stopped);
+    }
+
+    /// The bridge did not run for so long: what the vehicle has reported meanwhile is not read yet.
+    pub(crate) fn postpone(&mut self, stopped: Duration) {
+        self.transfers.postpone(stopped);
+        self.fence.postpone(stopped);
+        self.rally.postpone(stopped);
     }
 
     /// Takes an input.

@@ -95,11 +95,15 @@ impl Rally {
         &self.points
     }
 
-    /// The bridge did not run for so long.
-    pub(super) fn note_stop(&mut self, stopped: Duration) {
+    /// The bridge did not run for so long: what the vehicle has reported meanwhile is not read yet.
+    pub(super) fn postpone(&mut self, stopped: Duration) {
         if let Some(work) = &mut self.work {
-            work.upload.note_stop(stopped);
+            work.upload.postpone(stopped);
         }
+    }
+
+    /// The bridge did not run for so long: nothing has lasted by that.
+    pub(super) fn note_stop(&mut self, stopped: Duration) {
         self.strange_since = self.strange_since.map(|since| since + stopped);
     }
 

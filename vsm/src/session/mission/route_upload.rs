@@ -243,12 +243,13 @@ impl RouteUpload {
     }
 
     /// The bridge did not run for so long.
-    pub(super) fn note_stop(&mut self, stopped: Duration) {
+    pub(super) fn postpone(&mut self, stopped: Duration) {
         match &mut self.phase {
             Phase::Site { deadline } => *deadline += stopped,
-            Phase::Hold { maneuver, .. } => maneuver.note_stop(stopped),
-            Phase::Upload { upload, .. } => upload.note_stop(stopped),
-            Phase::Again { .. } | Phase::NotHeld(_) | Phase::Ended => {}
+            Phase::Hold { maneuver, .. } => maneuver.postpone(stopped),
+            Phase::NotHeld(why) => why.postpone(stopped),
+            Phase::Upload { upload, .. } => upload.postpone(stopped),
+            Phase::Again { .. } | Phase::Ended => {}
         }
     }
 

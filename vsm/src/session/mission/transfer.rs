@@ -302,13 +302,13 @@ impl Transfers {
     }
 
     /// The bridge did not run for so long.
-    pub(super) fn note_stop(&mut self, stopped: Duration) {
+    pub(super) fn postpone(&mut self, stopped: Duration) {
         if let Some(Load {
             work: Work::Load(upload),
             ..
         }) = &mut self.load
         {
-            upload.note_stop(stopped);
+            upload.postpone(stopped);
         }
     }
 

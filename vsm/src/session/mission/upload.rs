@@ -218,7 +218,7 @@ impl Upload {
     }
 
     /// The bridge did not run for so long: the vehicle's report may wait unread.
-    pub(super) fn note_stop(&mut self, stopped: Duration) {
+    pub(super) fn postpone(&mut self, stopped: Duration) {
         if let Phase::Naming { deadline, .. } = &mut self.phase {
             *deadline += stopped;
         }

@@ -199,7 +199,7 @@ impl Payload {
     }
 
     /// The bridge did not run for so long: what a station has shown meanwhile is not read yet.
-    pub(crate) fn note_stop(&mut self, stopped: Duration) {
+    pub(crate) fn postpone(&mut self, stopped: Duration) {
         let running = self.tasks.iter_mut().filter_map(|one| one.running.as_mut());
         running.for_each(|running| running.until += stopped);
     }
