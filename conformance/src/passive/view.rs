@@ -1,7 +1,8 @@
 //! The traffic that a judge reads, and what it finds.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::Duration;
 
 use stanag_msgs::Id;
 
@@ -63,6 +64,26 @@ impl<'a> View<'a> {
         })
     }
 
+    /// Those of [`once`](Self::once) that no later message of their kind and ends has overtaken on its way: what arrives
+    /// late shows the state of before.
+    pub fn in_order(&self) -> impl Iterator<Item = &'a Arc<Seen>> {
+        let mut latest: BTreeMap<(u16, u32, u32, usize), i64> = BTreeMap::new();
+        self.once().filter(move |&seen| {
+            let Some(stamp) = seen.stamp() else {
+                return true;
+            };
+            let (source, destination) = (seen.piece.source.0, seen.piece.destination.0);
+            let latest = latest
+                .entry((seen.kind(), source, destination, seen.socket))
+                .or_insert(stamp);
+            let overtaken = (1..OVERTAKEN_MS).contains(&(*latest - stamp));
+            if !overtaken {
+                *latest = stamp;
+            }
+            !overtaken
+        })
+    }
+
     /// Messages to the subject.
     pub fn requests(&self) -> impl Iterator<Item = &'a Arc<Seen>> {
         let as_they_are = self.as_they_are;
@@ -111,6 +132,78 @@ impl<'a> View<'a> {
         ids
     }
 }
+
+/// No network delivers a message this much later than one that was sent after it, ms: a stamp that falls by more is that of
+/// a clock.
+pub(super) const OVERTAKEN_MS: i64 = 5_000;
+/// Within this time a value that returns is one of two that are named beside each other; after it, a vehicle may have been
+/// configured again.
+const RETURNS_WITHIN: Duration = Duration::from_secs(60);
+
+/// What is named of one vehicle over time: each value, and when it was named last; the present one is the last.
+#[derive(Debug)]
+pub(super) struct History<T> {
+    values: Vec<(T, Duration)>,
+}
+
+impl<T> Default for History<T> {
+    fn default() -> Self {
+        Self { values: Vec::new() }
+    }
+}
+
+/// A value that differs from the one before.
+#[derive(Debug)]
+pub(super) struct Change<T> {
+    /// The one before.
+    pub(super) from: T,
+    /// How long ago it was named before, where it was.
+    returns_after: Option<Duration>,
+}
+
+impl<T: Clone + PartialEq> History<T> {
+    /// Takes what is named at this time.
+    pub(super) fn take(&mut self, value: T, at: Duration) -> Option<Change<T>> {
+        let from = self.values.last().map(|(value, _)| value.clone());
+        let known = self.values.iter().position(|(known, _)| *known == value);
+        let before = known.map(|place| self.values.remove(place).1);
+        let from = from.filter(|from| *from != value);
+        self.values.push((value, at));
+        Some(Change {
+            from: from?,
+            returns_after: before.map(|before| at.saturating_sub(before)),
+        })
+    }
+}
+
+impl<T> Change<T> {
+    /// Whether the value was named before. In a recording only soon before: a vehicle may have been configured twice in it.
+    pub(super) fn returns(&self, view: &View<'_>) -> bool {
+        self.returns_after
+            .is_some_and(|after| view.live || after < RETURNS_WITHIN)
+    }
+
+    /// Judges the change of what never changes while a vehicle is connected. A recording may contain a restart of the VSM
+    /// with another configuration, and a logical id may stand for another vehicle: there one change is only remarkable, and
+    /// two values beside each other are a fault.
+    pub(super) fn judge(
+        &self,
+        view: &View<'_>,
+        seen: &Arc<Seen>,
+        found: &mut Found,
+        reason: String,
+    ) {
+        let fixed = view.live && seen.piece.source.owner() != LOGICAL;
+        if fixed || self.returns(view) {
+            found.fail(seen, reason);
+        } else {
+            found.warn(seen, reason);
+        }
+    }
+}
+
+/// The owner code of logical ids, which stand for whatever vehicle is connected.
+const LOGICAL: u8 = 0;
 
 /// Messages of one kind from one vehicle at one socket belong together.
 pub(super) type Ends = (u32, usize);
@@ -183,7 +276,10 @@ impl Found {
 
     /// Notes what could not be judged, and why: too little of it occurred, or too weakly.
     pub fn missed(&mut self, what: impl Into<String>) {
-        self.missing.push(what.into());
+        let what = what.into();
+        if !self.missing.contains(&what) {
+            self.missing.push(what);
+        }
     }
 
     /// Whether anything was judged, and what was not.
@@ -307,6 +403,15 @@ pub(super) mod trace {
 
     const VEHICLE: Id = Id(0x1b00_0101);
     const CUCS: Id = Id(0x1b00_00a0);
+
+    /// The same datagrams from and to computers that a network connects.
+    pub(in crate::passive) fn by_network(mut datagrams: Vec<Datagram>) -> Vec<Datagram> {
+        for datagram in &mut datagrams {
+            datagram.local = ([10, 0, 0, 2], 1).into();
+            datagram.remote = ([10, 0, 0, 1], 2).into();
+        }
+        datagrams
+    }
 
     /// A message that the subject sent: the vehicle, unless `draft` names another source.
     pub(in crate::passive) fn received(at_ms: u64, draft: Draft) -> Datagram {
