@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use stanag_msgs::Id;
 
-use super::view::{Ends, Found, Judge, Tally, View, ends};
+use super::view::{Ends, Found, History, Judge, Tally, View, ends};
 use crate::bench::fix::Fix;
 use crate::wire::{Direction, Seen};
 
@@ -123,97 +123,141 @@ fn motion_is_reported_alike(view: &View<'_>, found: &mut Found) {
 }
 
 /// A field of 4000 that is present in one message, absent in the next, and so on, is left out because of its value
-/// (0, say). While the position is known, the other fields of the motion are known too.
+/// (0, say). While the position is known, the other fields of the motion are known too. Each CUCS by itself: one may have
+/// been promised less than another.
 fn fields_do_not_come_and_go(view: &View<'_>, found: &mut Found) {
-    // Changes of a field that are no fault yet.
+    // Changes of a field that are no fault yet, and in which time: in hours of flight a sensor may fail more often.
     const MAX_CHANGES: usize = 3;
+    const WITHIN: Duration = Duration::from_secs(60);
     // After a gap in the vehicle's data its fields return one after the other.
     const GAP: Duration = Duration::from_millis(1_500);
     // How long after a gap changes are not counted.
     const SETTLED: Duration = Duration::from_secs(5);
-    let mut last: BTreeMap<u32, (u64, Duration)> = BTreeMap::new();
-    let mut settled: BTreeMap<u32, Duration> = BTreeMap::new();
-    let mut changes: BTreeMap<(u32, u8), usize> = BTreeMap::new();
+    let promised = Promised::of(view);
+    let mut last: BTreeMap<(u32, u32), (u64, Duration)> = BTreeMap::new();
+    let mut settled: BTreeMap<(u32, u32), Duration> = BTreeMap::new();
+    let mut changes: BTreeMap<((u32, u32), u8), Vec<Duration>> = BTreeMap::new();
     for seen in view
-        .messages()
+        .in_order()
         .filter(|seen| seen.kind() == 4000 && seen.original.is_none() && seen.has("Latitude"))
     {
         let Some(info) = seen.info else { continue };
-        let source = seen.piece.source.0;
+        if !promised.full(view, seen) {
+            found.missed(format!(
+                "{} has said how it takes vectors, has requested some fields of 4000 alone, or its #1 is not in the traffic",
+                seen.piece.destination
+            ));
+            continue;
+        }
+        let ends = (seen.piece.source.0, seen.piece.destination.0);
         let width = usize::from(info.presence_bytes).min(seen.piece.data.len());
         let vector = seen.piece.data[..width]
             .iter()
             .fold(0_u64, |bits, &byte| bits << 8 | u64::from(byte));
         let (before, at) = last
-            .insert(source, (vector, seen.at))
+            .insert(ends, (vector, seen.at))
             .unwrap_or((vector, seen.at));
         if seen.at.saturating_sub(at) > GAP {
-            settled.insert(source, seen.at + SETTLED);
+            settled.insert(ends, seen.at + SETTLED);
         }
-        if settled
-            .get(&source)
-            .is_some_and(|&settled| seen.at < settled)
-        {
+        if settled.get(&ends).is_some_and(|&settled| seen.at < settled) {
             continue;
         }
         for field in info.fields {
             if (before ^ vector) >> field.bit & 1 == 0 {
                 continue;
             }
-            let count = changes.entry((source, field.bit)).or_default();
-            *count += 1;
-            found.check(seen, *count <= MAX_CHANGES, || {
+            let times = changes.entry((ends, field.bit)).or_default();
+            times.retain(|&time| seen.at.saturating_sub(time) < WITHIN);
+            times.push(seen.at);
+            found.check(seen, times.len() <= MAX_CHANGES, || {
                 format!("expected 4000 with all fields that the vehicle has, since partial vectors were not allowed; {} comes and goes", field.name)
             });
         }
     }
 }
 
-/// Where the speeds of a report show motion, a position with a later stamp has to differ from the one before.
-fn positions_are_as_new_as_their_stamps(view: &View<'_>, found: &mut Found) {
-    /// The longest time between samples of a slow vehicle link, ms.
-    const BETWEEN_MS: i64 = 900;
-    let mut last: BTreeMap<Ends, (i64, [Option<i64>; 2])> = BTreeMap::new();
-    for seen in view.messages().filter(|seen| seen.kind() == 4000) {
-        let (Some(stamp), Some(fix)) = (seen.stamp(), Fix::of(seen)) else {
-            continue;
-        };
-        let place = ["Latitude", "Longitude"].map(|name| seen.raw(name));
-        let moves = fix.north.hypot(fix.east) > 3.0;
-        let before = last.entry(ends(seen)).or_insert((stamp, place));
-        if !moves || before.1 != place || stamp < before.0 {
-            *before = (stamp, place);
-            continue;
+/// Which CUCSs have to be sent full vectors of 4000.
+struct Promised {
+    /// Those that connected.
+    connected: BTreeSet<Id>,
+    /// Since when one has said how it takes vectors, as the values of that field are not known, or has requested some fields
+    /// alone.
+    partial: BTreeMap<Id, Duration>,
+}
+
+impl Promised {
+    fn of(view: &View<'_>) -> Self {
+        let (mut connected, mut partial) = (BTreeSet::new(), BTreeMap::new());
+        for seen in view.requests() {
+            let some = match seen.kind() {
+                1 | 4 => {
+                    connected.insert(seen.piece.source);
+                    seen.has("Presence Vector Support")
+                }
+                17_002 => {
+                    let fields = seen.raw("Requested Field Presence Vector");
+                    seen.raw("Message Type") == Some(4000) && fields.is_some_and(|bits| bits != 0)
+                }
+                _ => false,
+            };
+            if some {
+                partial.entry(seen.piece.source).or_insert(seen.at);
+            }
         }
-        let still = stamp - before.0;
-        found.check(seen, still < BETWEEN_MS, || {
-            format!(
-                "expected a position of the time of its stamp; it is the same for {still} ms of stamps while the speed is {:.0} m/s",
-                fix.north.hypot(fix.east)
-            )
-        });
+        Self { connected, partial }
     }
+
+    /// Whether this message has to be full. What goes to everybody goes to all of them. In a recording the #1 in which a CUCS
+    /// said it may be missing.
+    fn full(&self, view: &View<'_>, seen: &Seen) -> bool {
+        let receiver = seen.piece.destination;
+        let for_it = |id: &Id| [*id, Id::BROADCAST].contains(&receiver);
+        let mut partial = self.partial.iter();
+        let said = partial.any(|(id, since)| for_it(id) && *since <= seen.at);
+        let known = view.live || self.connected.iter().any(for_it);
+        known && !said
+    }
+}
+
+/// Above the lowest place that was seen a vehicle is in flight, m: one on a runway or a ship is fast as well.
+const ALOFT_M: f64 = 10.0;
+/// The oldest 4000 by which a 3002 is judged: between older ones a vehicle may have landed.
+const FLIES_FOR: Duration = Duration::from_millis(1_500);
+
+/// What 4000 shows of the flight of one vehicle.
+#[derive(Default)]
+struct Flying {
+    /// The lowest altitude of each Altitude Type, m.
+    lowest: BTreeMap<i64, f64>,
+    /// Successive 4000s in flight.
+    count: u32,
+    at: Duration,
 }
 
 /// UA State 1 to 4 are states before a launch, so they contradict a report of flight.
 fn no_ground_state_in_flight(view: &View<'_>, found: &mut Found) {
-    let mut flying: BTreeMap<Ends, u32> = BTreeMap::new();
-    for seen in view.messages() {
+    let mut flying: BTreeMap<Ends, Flying> = BTreeMap::new();
+    for seen in view.in_order() {
         match seen.kind() {
             4000 => {
                 let Some(fix) = Fix::of(seen) else { continue };
-                let count = flying.entry(ends(seen)).or_default();
-                *count = if fix.north.hypot(fix.east) > 3.0 {
-                    *count + 1
-                } else {
-                    0
-                };
+                let flying = flying.entry(ends(seen)).or_default();
+                let lowest = flying.lowest.entry(fix.altitude_type);
+                let lowest = lowest.or_insert(fix.altitude);
+                *lowest = fix.altitude.min(*lowest);
+                let flies = fix.north.hypot(fix.east) > 3.0 && fix.altitude > *lowest + ALOFT_M;
+                flying.count = if flies { flying.count + 1 } else { 0 };
+                flying.at = seen.at;
             }
             3002 => {
                 let Some(state) = seen.raw("UA State") else {
                     continue;
                 };
-                if flying.get(&ends(seen)).is_some_and(|&count| count > 3) {
+                let flies = flying.get(&ends(seen)).is_some_and(|flying| {
+                    flying.count > 3 && seen.at.saturating_sub(flying.at) < FLIES_FOR
+                });
+                if flies {
                     found.check(seen, !(1..=4).contains(&state), || {
                         format!("expected no UA State of before the launch (1 to 4) in 3002 while 4000 shows flight; got {state}")
                     });
@@ -261,6 +305,9 @@ fn limits_of_the_camera(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// The oldest 4000 by which an image is judged: in a gap the aircraft may have climbed.
+const IMAGED_FROM: Duration = Duration::from_secs(3);
+
 /// What a camera sees below the horizon lies below the aircraft.
 fn the_image_is_on_the_ground(view: &View<'_>, found: &mut Found) {
     let mut latest: BTreeMap<Ends, Fix> = BTreeMap::new();
@@ -276,7 +323,7 @@ fn the_image_is_on_the_ground(view: &View<'_>, found: &mut Found) {
         let (Some(ground), Some(elevation), Some(vehicle)) = (
             seen.value("Altitude"),
             seen.value("Actual Centreline Elevation Angle"),
-            latest.get(&ends(seen)),
+            (latest.get(&ends(seen))).filter(|fix| seen.at.saturating_sub(fix.at) < IMAGED_FROM),
         ) else {
             continue;
         };
@@ -293,9 +340,13 @@ fn the_image_is_on_the_ground(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// How soon a #2 is taken for the answer to a #1.
+const ANSWERED_WITHIN: Duration = Duration::from_millis(500);
+
 /// Access Requested of #2 is that of the #1 that it answers.
 fn the_answer_names_the_request(view: &View<'_>, found: &mut Found) {
-    let mut requests: BTreeMap<Ends, (i64, Duration)> = BTreeMap::new();
+    // By vehicle: a CUCS may request several at once.
+    let mut requests: BTreeMap<(Ends, Id), (i64, Duration)> = BTreeMap::new();
     let mut answers = Tally::default();
     for seen in view
         .datagrams
@@ -305,16 +356,23 @@ fn the_answer_names_the_request(view: &View<'_>, found: &mut Found) {
         match (seen.direction, seen.kind()) {
             (Direction::Sent, 1) => {
                 let access = seen.raw("Requested/Handover Access").unwrap_or_default();
-                requests.insert(ends(seen), (access, seen.at));
+                let key = (ends(seen), seen.piece.destination);
+                let before = requests.insert(key, (access, seen.at));
+                // Two at once: which of them an answer is to is not known.
+                if before.is_some_and(|(other, at)| {
+                    other != access && seen.at.abs_diff(at) < ANSWERED_WITHIN
+                }) {
+                    requests.insert(key, (0, seen.at));
+                }
             }
             (Direction::Received, 2) => {
-                let key = (seen.piece.destination.0, seen.socket);
+                let key = ((seen.piece.destination.0, seen.socket), seen.piece.source);
                 // Only soon after the request: a later #2 may report something else. An access of 0 is not compared:
                 // some subjects mean "none" by it.
                 if let (Some(named), Some((asked, at))) =
                     (seen.raw("Access Requested"), requests.remove(&key))
                     && asked != 0
-                    && seen.at.abs_diff(at) < Duration::from_millis(500)
+                    && seen.at.abs_diff(at) < ANSWERED_WITHIN
                 {
                     answers.look(seen, named == asked);
                 }
@@ -375,8 +433,6 @@ fn configuration_for_who_asked(view: &View<'_>, found: &mut Found) {
     let mut asked: BTreeMap<(u32, u32), usize> = BTreeMap::new();
     let mut ended: BTreeMap<(u32, u32), BTreeSet<i64>> = BTreeMap::new();
     let mut askers = BTreeSet::new();
-    // A recording may begin within a configuration phase, and without what began it.
-    let begun_before = |asked: bool| !asked && !view.live;
     for seen in view
         .datagrams
         .iter()
@@ -390,17 +446,24 @@ fn configuration_for_who_asked(view: &View<'_>, found: &mut Found) {
             }
             // Vehicle-specific values (41002) are described to every CUCS that is sent them.
             (Direction::Received, kind @ (41_000 | 41_001 | 41_003 | 41_005))
-                if seen.piece.destination != Id::BROADCAST
-                    && !begun_before(askers.contains(&destination)) =>
+                if seen.piece.destination != Id::BROADCAST =>
             {
-                found.check(seen, askers.contains(&destination), || {
+                let key = (source, destination);
+                let asked = asked.entry(key).or_default();
+                let ends = ended.entry(key).or_default();
+                // A recording may be without what began a phase; what comes of the phase shows that it was begun.
+                if !view.live && kind != 41_005 && ends.len() >= *asked {
+                    *asked += 1;
+                }
+                if !view.live && *asked == 0 {
+                    continue;
+                }
+                found.check(seen, !view.live || askers.contains(&destination), || {
                     format!("expected the configuration ({kind}) at CUCSs that sent 40000 only; it came to {}", seen.piece.destination)
                 });
                 if kind == 41_005 {
-                    let key = (source, destination);
-                    let ends = ended.entry(key).or_default();
                     ends.insert(seen.stamp().unwrap_or_default());
-                    let (ends, asked) = (ends.len(), asked.get(&key).copied().unwrap_or_default());
+                    let (ends, asked) = (ends.len(), *asked);
                     found.check(seen, asked == 0 || ends <= asked, || {
                         format!("expected one 41005 to each 40000; {ends} came to {asked}")
                     });
@@ -433,25 +496,22 @@ fn the_tail_number_of_the_profile(view: &View<'_>, found: &mut Found) {
 
 /// A vehicle may be given another tail number, but one that returns to a number before it has two at once.
 fn one_tail_number_at_a_time(view: &View<'_>, found: &mut Found) {
-    let mut known: BTreeMap<u32, Vec<String>> = BTreeMap::new();
-    for seen in view.messages().filter(|seen| seen.kind() == 3) {
+    let mut known: BTreeMap<u32, History<String>> = BTreeMap::new();
+    for seen in view.in_order().filter(|seen| seen.kind() == 3) {
         let named = seen.text("Tail Number").unwrap_or_default();
         // A logical id is named by "0".
         if ["", "0"].contains(&named.as_str()) {
             continue;
         }
         let numbers = known.entry(seen.piece.source.0).or_default();
-        let place = numbers.iter().position(|number| *number == named);
-        let last = numbers.len().saturating_sub(1);
-        found.check(seen, place.is_none_or(|place| place == last), || {
+        let change = numbers.take(named.clone(), seen.at);
+        let returns = change.is_some_and(|change| change.returns(view));
+        found.check(seen, !returns, || {
             format!(
                 "expected one tail number of {} in #3; it is {named:?} again after others",
                 seen.piece.source
             )
         });
-        if place.is_none() {
-            numbers.push(named);
-        }
     }
 }
 
@@ -495,6 +555,223 @@ mod tests {
         assert_eq!(verdict_on_recorded(&all, judge), Verdict::Pass);
         all.push(received(400, Draft::new(41_005)));
         assert_eq!(verdict_on_recorded(&all, judge), Verdict::Fail);
+        // It begins within one phase, the next begins before that ends, and of a third the 40000 is missing.
+        let phases = [
+            received(100, Draft::new(41_003)),
+            sent(200, Draft::new(40_000)),
+            received(300, Draft::new(41_005)),
+            received(400, Draft::new(41_005)),
+            received(500, Draft::new(41_003)),
+            received(600, Draft::new(41_005)),
+        ];
+        assert_eq!(verdict_on(&phases, judge), Verdict::Fail);
+        assert_eq!(verdict_on_recorded(&phases, judge), Verdict::Pass);
+    }
+
+    /// A 4000 to the CUCS with or without its altitude.
+    fn position(at_ms: u64, altitude: bool) -> Draft {
+        let draft = Draft::new(4000)
+            .raw("Time Stamp", at_ms as i64)
+            .set("Latitude", 0.8)
+            .set("Longitude", 0.1);
+        if altitude {
+            draft.set("Altitude", 500.0)
+        } else {
+            draft
+        }
+    }
+
+    /// What is found where the altitude comes and goes each `every_ms`, after these messages of the CUCS.
+    fn altitude_comes_and_goes(every_ms: u64, before: &[Datagram]) -> [Verdict; 2] {
+        use crate::passive::view::trace::received;
+        let mut run = before.to_vec();
+        run.extend((0..600).map(|step| {
+            let at_ms = 1_000 + step * 500;
+            received(at_ms, position(at_ms, (at_ms / every_ms).is_multiple_of(2)))
+        }));
+        both(&run, fields_do_not_come_and_go)
+    }
+
+    /// What a judge finds in a live run, and in a recording.
+    fn both(datagrams: &[Datagram], judge: fn(&View<'_>, &mut Found)) -> [Verdict; 2] {
+        use crate::passive::view::{verdict_on, verdict_on_recorded};
+        [
+            verdict_on(datagrams, judge),
+            verdict_on_recorded(datagrams, judge),
+        ]
+    }
+
+    #[test]
+    fn fields_that_come_and_go_are_found_and_a_sensor_that_fails_twice_is_not() {
+        use crate::passive::view::trace::sent;
+        let connects = [sent(0, Draft::new(1))];
+        for every_ms in [500, 2_000, 10_000] {
+            let found = altitude_comes_and_goes(every_ms, &connects);
+            assert_eq!(found, [Verdict::Fail; 2], "{every_ms}");
+        }
+        assert_eq!(
+            altitude_comes_and_goes(45_000, &connects),
+            [Verdict::Pass; 2]
+        );
+    }
+
+    #[test]
+    fn a_cucs_may_have_allowed_partial_vectors() {
+        use crate::passive::view::trace::sent;
+        let allows = Draft::new(1).raw("Presence Vector Support", 1);
+        let some = Draft::new(17_002)
+            .raw("Message Type", 4000)
+            .raw("Requested Field Presence Vector", 7);
+        for before in [allows, some] {
+            let run = [sent(0, Draft::new(1)), sent(10, before)];
+            let found = altitude_comes_and_goes(500, &run);
+            assert_eq!(found, [Verdict::Inconclusive; 2]);
+        }
+        // Perhaps before the recording.
+        let found = altitude_comes_and_goes(500, &[]);
+        assert_eq!(found, [Verdict::Fail, Verdict::Inconclusive]);
+    }
+
+    #[test]
+    fn each_cucs_is_sent_vectors_of_its_own() {
+        use crate::passive::view::trace::{received, sent};
+        let mut run = vec![sent(0, Draft::new(1))];
+        let mut allows = Draft::new(1).raw("Presence Vector Support", 1);
+        allows.source = Some(Id(0x1b00_00a1));
+        run.push(sent(10, allows));
+        for step in 0..20 {
+            let at_ms = 1_000 + step * 500;
+            run.push(received(at_ms, position(at_ms, true)));
+            let mut other = position(at_ms + 5, false);
+            other.destination = Some(Id(0x1b00_00a1));
+            run.push(received(at_ms + 5, other));
+        }
+        assert_eq!(
+            both(&run, fields_do_not_come_and_go),
+            [Verdict::Inconclusive; 2]
+        );
+    }
+
+    #[test]
+    fn a_reordered_pair_around_a_change_is_one_change() {
+        use crate::passive::view::trace::{received, sent};
+        let of =
+            |at_ms: u64, stamp: u64, altitude: bool| received(at_ms, position(stamp, altitude));
+        let reordered = [
+            sent(0, Draft::new(1)),
+            of(1_000, 1_000, true),
+            of(1_100, 1_100, true),
+            of(1_200, 1_300, false),
+            of(1_201, 1_200, true),
+            of(1_202, 1_100, true),
+            of(1_400, 1_400, false),
+            of(1_500, 1_500, true),
+        ];
+        assert_eq!(
+            both(&reordered, fields_do_not_come_and_go),
+            [Verdict::Pass; 2]
+        );
+    }
+
+    #[test]
+    fn a_run_on_a_runway_and_a_landing_in_a_gap_are_no_flight() {
+        use crate::passive::view::trace::received;
+        // At 30 m/s and this height, for 5 s, and a 3002 with "pre-launch" so long after it.
+        let judged = |height: f64, after_ms: u64| {
+            let mut run: Vec<_> = (0..11)
+                .map(|step| {
+                    let up = if step == 0 { 0.0 } else { height };
+                    let draft = position(step * 500, false)
+                        .set("Altitude", 500.0 + up)
+                        .set("U_Speed", 30.0);
+                    received(step * 500, draft)
+                })
+                .collect();
+            run.push(received(
+                5_000 + after_ms,
+                Draft::new(3002).raw("UA State", 3),
+            ));
+            both(&run, no_ground_state_in_flight)
+        };
+        assert_eq!(judged(30.0, 200), [Verdict::Fail; 2]);
+        assert_eq!(judged(2.0, 200), [Verdict::Inconclusive; 2]);
+        assert_eq!(judged(30.0, 60_000), [Verdict::Inconclusive; 2]);
+    }
+
+    #[test]
+    fn an_image_is_that_of_the_place_of_its_time() {
+        use crate::passive::view::trace::received;
+        let judged = |after_ms: u64| {
+            let aircraft = position(0, true).raw("Altitude Type", 3);
+            let image = Draft::new(21_101)
+                .set("Altitude", 900.0)
+                .set("Actual Centreline Elevation Angle", -0.5);
+            let run = [received(0, aircraft), received(after_ms, image)];
+            both(&run, the_image_is_on_the_ground)
+        };
+        assert_eq!(judged(500), [Verdict::Fail; 2]);
+        // Meanwhile it has climbed.
+        assert_eq!(judged(60_000), [Verdict::Inconclusive; 2]);
+    }
+
+    #[test]
+    fn an_answer_is_that_of_the_vehicle_that_was_requested() {
+        use crate::passive::view::trace::{received, sent};
+        let second = Id(0x1b00_0102);
+        let request = |at_ms: u64, vehicle: Option<Id>, access: i64| {
+            let mut draft = Draft::new(1).raw("Requested/Handover Access", access);
+            draft.destination = vehicle;
+            sent(at_ms, draft)
+        };
+        let answer = |at_ms: u64, vehicle: Option<Id>, access: i64| {
+            let mut draft = Draft::new(2).raw("Access Requested", access);
+            draft.source = vehicle;
+            received(at_ms, draft)
+        };
+        let run = |named: i64, other: Option<Id>| {
+            let all: Vec<_> = (0..4)
+                .flat_map(|step| {
+                    let at_ms = step * 1_000;
+                    [
+                        request(at_ms, None, 1),
+                        request(at_ms + 10, other, 2),
+                        answer(at_ms + 50, None, named),
+                        answer(at_ms + 60, other, 2),
+                    ]
+                })
+                .collect();
+            both(&all, the_answer_names_the_request)
+        };
+        assert_eq!(run(1, Some(second)), [Verdict::Pass; 2]);
+        // To one vehicle, both at once: which of them is answered is not known.
+        assert_eq!(run(1, None), [Verdict::Inconclusive; 2]);
+        let wrong: Vec<_> = (0..4)
+            .flat_map(|step| {
+                let at_ms = step * 1_000;
+                [request(at_ms, None, 1), answer(at_ms + 50, None, 0)]
+            })
+            .collect();
+        assert_eq!(
+            both(&wrong, the_answer_names_the_request),
+            [Verdict::Fail; 2]
+        );
+    }
+
+    #[test]
+    fn a_copy_of_a_number_of_before_does_not_bring_it_back() {
+        use crate::passive::view::trace::received;
+        let named = |at_ms: u64, number: &str| {
+            received(at_ms, Draft::new(3).text("Tail Number", number.as_bytes()))
+        };
+        let mut run = vec![named(0, "A1"), named(1_000, "B2")];
+        run.push(run[0].clone());
+        assert_eq!(both(&run, one_tail_number_at_a_time), [Verdict::Pass; 2]);
+        // Again an hour later: in a recording it may have been given back.
+        run.push(named(3_600_000, "A1"));
+        assert_eq!(
+            both(&run, one_tail_number_at_a_time),
+            [Verdict::Fail, Verdict::Pass]
+        );
     }
 
     #[test]
