@@ -1,14 +1,15 @@
 //! Judges of SCALAR, PV and TIME: numbers, texts, presence vectors and time stamps of all recorded messages.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::FRAC_PI_2;
 
 use stanag_msgs::DecodeError;
 use stanag_msgs::field::EnumKind;
 use stanag_msgs::table::Wire;
 
-use super::view::{Found, Judge, View};
+use super::view::{Found, Judge, OVERTAKEN_MS, Tally, View};
 use crate::bench::flight::Fix;
+use crate::wire::Seen;
 
 pub(super) const JUDGES: &[Judge] = &[
     Judge {
@@ -62,32 +63,38 @@ pub(super) const JUDGES: &[Judge] = &[
 ];
 
 fn vehicle_type_byte_order(view: &View<'_>, found: &mut Found) {
-    let complete = view
-        .messages()
-        .filter(|seen| seen.kind() == 41005)
-        .find_map(|seen| seen.raw("Vehicle Type"));
+    // Of each vehicle: the type of one may have the bytes of another's exchanged.
+    let mut complete: BTreeMap<u32, i64> = BTreeMap::new();
+    for seen in view.messages().filter(|seen| seen.kind() == 41005) {
+        let value = seen.raw("Vehicle Type").filter(|&value| value != 0);
+        if let Some(value) = value {
+            complete.entry(seen.piece.source.0).or_insert(value);
+        }
+    }
     for seen in view.messages().filter(|seen| matches!(seen.kind(), 2 | 3)) {
         let Some(value) = seen.raw("Vehicle Type").filter(|&value| value != 0) else {
             continue;
         };
+        let complete = complete.get(&seen.piece.source.0).copied();
         let swapped = i64::from((value as u16).swap_bytes());
         found.check(seen, complete.is_none_or(|other| other != swapped || other == value), || {
             format!("expected Vehicle Type with its most significant byte first; {} has 0x{value:04x}, 41005 has 0x{swapped:04x}", seen.kind())
         });
-        // The list of types has small numbers only, so a low byte of 0 shows swapped bytes.
-        found.check(seen, value & 0xFF != 0 || complete == Some(value), || {
-            format!("expected Vehicle Type with its most significant byte first; 0x{value:04x} is a number of the custodian's list only the other way round")
-        });
+        // The list of types has small numbers only, so a low byte of 0 looks like swapped bytes; but the custodian may have
+        // given out more than 255 by now, and only another message shows which it is.
+        if value & 0xFF == 0 && complete.is_none() {
+            found.warn(seen, format!("Vehicle Type 0x{value:04x} is a number of the custodian's list only the other way round, and no 41005 shows which was meant"));
+        }
     }
 }
 
 fn positions_are_on_the_globe(view: &View<'_>, found: &mut Found) {
-    let claim = view
-        .profile
-        .vehicle
-        .first()
-        .and_then(|vehicle| vehicle.position);
-    let mut first = true;
+    let claim = |seen: &Seen| {
+        let mut vehicles = view.profile.vehicle.iter();
+        let claimed = vehicles.find(|claim| claim.id.parse() == Ok(seen.piece.source));
+        claimed.and_then(|claim| claim.position)
+    };
+    let mut compared = BTreeSet::new();
     for seen in view.messages().filter(|seen| seen.kind() == 4000) {
         let (Some(latitude), Some(longitude)) = (seen.value("Latitude"), seen.value("Longitude"))
         else {
@@ -96,8 +103,10 @@ fn positions_are_on_the_globe(view: &View<'_>, found: &mut Found) {
         found.check(seen, latitude.abs() <= FRAC_PI_2 + 1e-6, || {
             format!("expected a latitude of -90 to 90 degrees, got {:.4}; offset binary in place of two's complement gives such values", latitude.to_degrees())
         });
-        // The profile's position is where the vehicle is when the run begins, so only the first 4000 is compared.
-        if let (Some([north, east]), true) = (claim, first) {
+        // The profile's position is where the vehicle is when the run begins, so only its first 4000 is compared, and none
+        // of a recording, which may begin in flight.
+        let first = compared.insert(seen.piece.source);
+        if let (Some([north, east]), true) = (claim(seen), first && view.live) {
             let fix = Fix::of(seen);
             let away = fix.map_or(0.0, |fix| {
                 fix.distance(north.to_radians(), east.to_radians())
@@ -109,7 +118,6 @@ fn positions_are_on_the_globe(view: &View<'_>, found: &mut Found) {
                     longitude.to_degrees()
                 )
             });
-            first = false;
         }
     }
 }
@@ -425,8 +433,21 @@ fn stamps_are_not_in_the_future(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// Stamps of one type that are enough to count those that fall by little, and how many of ten may where a network is between
+/// both ends: it delivers some messages after others that were sent later.
+const ENOUGH_STAMPS: usize = 8;
+const OVERTAKEN_TENTHS: usize = 1;
+/// A stamp has 40 bits of milliseconds, and begins again at 0 in the year 2034.
+const STAMPS: i64 = 1 << 40;
+
 fn stamps_rise(view: &View<'_>, found: &mut Found) {
     let mut last: BTreeMap<(u16, u32, u32, usize), i64> = BTreeMap::new();
+    let mut overtaken: BTreeMap<(u16, u32), Tally> = BTreeMap::new();
+    // On one computer nothing is overtaken.
+    let local = view
+        .datagrams
+        .first()
+        .is_some_and(|datagram| datagram.remote.ip().is_loopback());
     // The same bytes again are a repetition, or a copy that the network made: they are as old as the first.
     for seen in view.once().filter(|seen| {
         matches!(
@@ -441,14 +462,31 @@ fn stamps_rise(view: &View<'_>, found: &mut Found) {
             seen.piece.destination.0,
             seen.socket,
         );
-        let before = last.insert(key, stamp);
-        found.check(seen, before.is_none_or(|before| before <= stamp), || {
+        let before = *last.entry(key).or_insert(stamp);
+        let rises = (stamp - before).rem_euclid(STAMPS) < STAMPS / 2;
+        let late = !local && !rises && before - stamp < OVERTAKEN_MS;
+        let tally = overtaken.entry((key.0, key.1)).or_default();
+        tally.look(seen, !late);
+        if late {
+            continue;
+        }
+        last.insert(key, stamp);
+        found.check(seen, rises, || {
             format!(
-                "expected stamps of message {} that do not fall; {stamp} follows {}",
-                seen.kind(),
-                before.unwrap_or_default()
+                "expected stamps of message {} that do not fall; {stamp} follows {before}",
+                seen.kind()
             )
         });
+    }
+    for ((kind, _), tally) in overtaken {
+        tally.judge_by(
+            found,
+            ENOUGH_STAMPS,
+            OVERTAKEN_TENTHS,
+            &format!(
+                "expected stamps of message {kind} that do not fall; more of them do than a network exchanges"
+            ),
+        );
     }
 }
 
@@ -463,8 +501,11 @@ fn no_position_at_0_0(view: &View<'_>, found: &mut Found) {
 
 #[cfg(test)]
 mod tests {
+    use stanag_msgs::Id;
+
     use super::*;
-    use crate::passive::view::trace::{of_cucs, received};
+    use crate::bench::net::Datagram;
+    use crate::passive::view::trace::{by_network, of_cucs, received};
     use crate::passive::view::{verdict_on, verdict_on_recorded};
     use crate::verdict::Verdict;
     use crate::wire::Draft;
@@ -480,6 +521,91 @@ mod tests {
         };
         assert_eq!(judged(&[10, 20, 10]), Verdict::Pass);
         assert_eq!(judged(&[10, 20, 15]), Verdict::Fail);
+    }
+
+    /// What is found in 4000s with these stamps, on one computer, and through a network.
+    fn stamped(stamps: &[i64]) -> [Verdict; 2] {
+        let all: Vec<Datagram> = (0..)
+            .zip(stamps)
+            .map(|(step, &stamp)| received(step * 100, Draft::new(4000).raw("Time Stamp", stamp)))
+            .collect();
+        let near = verdict_on(&all, stamps_rise);
+        [near, verdict_on(&by_network(all), stamps_rise)]
+    }
+
+    #[test]
+    fn a_network_delivers_some_messages_after_later_ones() {
+        let mut stamps: Vec<i64> = (0..40).map(|step| 10_000 + step * 100).collect();
+        assert_eq!(stamped(&stamps), [Verdict::Pass; 2]);
+        stamps.swap(20, 21);
+        assert_eq!(stamped(&stamps), [Verdict::Fail, Verdict::Pass]);
+        // A clock that is set back, and stamps of which every third falls.
+        let mut back = stamps.clone();
+        for stamp in &mut back[30..] {
+            *stamp -= 9_000;
+        }
+        assert_eq!(stamped(&back), [Verdict::Fail; 2]);
+        let third: Vec<i64> = (0..40)
+            .map(|step| 10_000 + step * 100 - if step % 3 == 0 { 700 } else { 0 })
+            .collect();
+        assert_eq!(stamped(&third), [Verdict::Fail; 2]);
+        // The 40 bits are used up.
+        let wraps = [STAMPS - 200, STAMPS - 100, 0, 100];
+        assert_eq!(stamped(&wraps), [Verdict::Pass; 2]);
+    }
+
+    /// A message that names this type of this vehicle.
+    fn typed(message: u16, vehicle: u32, kind: i64) -> Datagram {
+        let mut draft = Draft::new(message).raw("Vehicle Type", kind);
+        draft.source = Some(Id(0x1b00_0101 + vehicle));
+        received(u64::from(message), draft)
+    }
+
+    #[test]
+    fn exchanged_bytes_of_a_type_are_those_of_one_vehicle() {
+        let judged = |all: &[Datagram]| verdict_on(all, vehicle_type_byte_order);
+        let right = [typed(2, 0, 0x16), typed(41_005, 0, 0x16)];
+        assert_eq!(judged(&right), Verdict::Pass);
+        let exchanged = [typed(2, 0, 0x1600), typed(41_005, 0, 0x16)];
+        assert_eq!(judged(&exchanged), Verdict::Fail);
+        // Another vehicle has the type that this would be the other way round.
+        let two = [typed(2, 0, 0x0102), typed(41_005, 1, 0x0201)];
+        assert_eq!(judged(&two), Verdict::Pass);
+        // 256 is a number of a longer list; without a 41005, as in a recording that begins late, it is not known.
+        let large = [typed(2, 0, 0x100), typed(41_005, 0, 0x100)];
+        assert_eq!(judged(&large), Verdict::Pass);
+        assert_eq!(judged(&large[..1]), Verdict::Warning);
+    }
+
+    #[test]
+    fn a_vehicle_begins_at_its_own_place_and_a_recording_anywhere() {
+        let mut profile = crate::profile::Profile::default();
+        profile.vehicle.push(crate::profile::VehicleClaims {
+            id: "1b:00:01:01".into(),
+            position: Some([45.0, 8.0]),
+            ..Default::default()
+        });
+        let judged = |vehicle: u32, live: bool| {
+            let mut draft = Draft::new(4000)
+                .set("Latitude", 0.5)
+                .set("Longitude", 0.1)
+                .set("Altitude", 500.0);
+            draft.source = Some(Id(0x1b00_0101 + vehicle));
+            let datagrams = [received(0, draft)];
+            let view = View {
+                datagrams: &datagrams,
+                profile: &profile,
+                survey: None,
+                live,
+                as_they_are: false,
+            };
+            let mut found = Found::default();
+            positions_are_on_the_globe(&view, &mut found);
+            found.judgement().0.verdict
+        };
+        assert_eq!(judged(0, true), Verdict::Fail);
+        assert_eq!(judged(1, true), Verdict::Pass);
+        assert_eq!(judged(0, false), Verdict::Pass);
     }
 
     #[test]
