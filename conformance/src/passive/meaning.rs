@@ -5,8 +5,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use stanag_msgs::Id;
+use stanag_msgs::table::Direction;
 
-use super::view::{Ends, Found, Judge, View, ends};
+use super::view::{Ends, Found, Judge, Tally, View, ends};
 use crate::wire::Seen;
 
 pub(super) const JUDGES: &[Judge] = &[
@@ -82,9 +83,7 @@ fn form_of_ids(view: &View<'_>, found: &mut Found) {
         }
         for (place, id) in ids {
             let owner = id.owner();
-            // #1304 has no source field: its Vehicle ID is read as the source, and the broadcast value there means
-            // all vehicles of the VSM.
-            let of_all = seen.original.is_some() && seen.kind() == 43_000;
+            let of_all = place == "source" && is_about_all_or_none(seen);
             let broadcast_source = place == "source" && owner == 0xFF && !of_all;
             found.check(seen, !broadcast_source, || {
                 format!(
@@ -103,6 +102,14 @@ fn form_of_ids(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// Edition 2.5 has no source field: in what a VSM sends the Vehicle ID is read as the source, and the ids of everybody and of
+/// nobody mean all vehicles of the VSM, or none, as where no vehicle is connected.
+fn is_about_all_or_none(seen: &Seen) -> bool {
+    let info = seen.original.as_ref().and_then(|original| original.info);
+    info.is_some_and(|info| info.direction != Direction::ToVsm)
+        && [Id::BROADCAST, Id::NULL].contains(&seen.piece.source)
+}
+
 fn never_more_than_authorised(view: &View<'_>, found: &mut Found) {
     for seen in view.messages().filter(|seen| seen.kind() == 2) {
         let (Some(granted), Some(authorised)) =
@@ -118,8 +125,14 @@ fn never_more_than_authorised(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// Gaps between heartbeats that are enough to judge them, and how many of ten may be others than 1 s: the network loses one
+/// now and then, or delivers it late.
+const ENOUGH_GAPS: usize = 3;
+const OTHER_TENTHS: usize = 3;
+
 fn heartbeat_at_1_hz(view: &View<'_>, found: &mut Found) {
-    let mut last = BTreeMap::new();
+    let mut last: BTreeMap<(u32, u32, usize), Duration> = BTreeMap::new();
+    let mut gaps: BTreeMap<u32, Tally> = BTreeMap::new();
     for seen in view.once().filter(|seen| seen.kind() == 16002) {
         // A heartbeat that requests an acknowledgement checks an address (a VSM proves one so): it is sent in
         // addition to the periodic ones.
@@ -131,18 +144,28 @@ fn heartbeat_at_1_hz(view: &View<'_>, found: &mut Found) {
             let gap = (seen.at.saturating_sub(before)).as_secs_f64();
             // Several groups, or a reconnection, make gaps that are not the sender's period.
             if gap < 3.0 {
-                found.check(seen, (0.8..=1.2).contains(&gap), || {
-                    format!("expected heartbeats 0.8 to 1.2 s apart, got {gap:.2} s")
-                });
+                let right = (0.8..=1.2).contains(&gap);
+                if right {
+                    found.saw();
+                }
+                gaps.entry(key.0).or_default().look(seen, right);
             }
         }
+    }
+    for gaps in gaps.into_values() {
+        gaps.judge_by(
+            found,
+            ENOUGH_GAPS,
+            OTHER_TENTHS,
+            "expected heartbeats 0.8 to 1.2 s apart; other gaps came",
+        );
     }
 }
 
 fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
-    // By receiver: each CUCS is sent every alert in messages of its own.
-    let mut open: BTreeMap<(u32, usize), BTreeSet<i64>> = BTreeMap::new();
-    let mut first: BTreeMap<(u32, usize, i64), Vec<u8>> = BTreeMap::new();
+    // By receiver: each CUCS is sent every alert in messages of its own. And by sender: each vehicle counts its own.
+    let mut open: BTreeMap<(u32, usize), BTreeSet<(u32, i64)>> = BTreeMap::new();
+    let mut first: BTreeMap<((u32, usize), (u32, i64)), Vec<u8>> = BTreeMap::new();
     let mut parts = BTreeSet::new();
     let mut ever = BTreeSet::new();
     // A CUCS without levels is sent no updates of an alert: when it connects again, an active alert is new to it.
@@ -156,35 +179,43 @@ fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
         while let Some(connected) = connects.next_if(|connected| connected.at <= seen.at) {
             let receiver = (connected.piece.source.0, connected.socket);
             open.remove(&receiver);
-            first.retain(|known, _| (known.0, known.1) != receiver);
-            parts.retain(|known: &((u32, usize), i64, i64)| known.0 != receiver);
+            first.retain(|known, _| known.0 != receiver);
+            parts.retain(|known: &((u32, usize), (u32, i64), i64)| known.0 != receiver);
         }
         let Some(id) = seen.raw("Alert (Warning) ID") else {
             continue;
         };
         let receiver = (seen.piece.destination.0, seen.socket);
         let known = open.entry(receiver).or_default();
+        let alert = (seen.piece.source.0, id.saturating_abs());
         // A long text is sent in parts, which together are one message of the alert: each part occurs once.
         let of_several = seen
             .raw("Append Total Number")
             .is_some_and(|total| total > 1);
         if let Some(order) = seen.raw("Append Order").filter(|_| of_several && id < 0)
-            && parts.insert((receiver, id, order))
-            && known.contains(&-id)
+            && parts.insert((receiver, alert, order))
+            && known.contains(&alert)
         {
             continue;
         }
         if id < 0 {
-            ever.insert(-id);
-            let again = !known.insert(-id);
+            ever.insert(alert.1);
+            let again = !known.insert(alert);
             // The same bytes again are a duplicate by the network or a repetition by the sender, and not a new alert.
-            let same = first
-                .get(&(receiver.0, receiver.1, id))
-                .is_some_and(|bytes| *bytes == seen.piece.bytes);
-            first.insert((receiver.0, receiver.1, id), seen.piece.bytes.clone());
-            found.check(seen, !again || same, || {
-                format!("expected a new negative id for a new alert; {id} was used before")
-            });
+            let before = first.insert((receiver, alert), seen.piece.bytes.clone());
+            let same = before.is_some_and(|bytes| bytes == seen.piece.bytes);
+            found.saw();
+            if !again || same {
+                continue;
+            }
+            let reason =
+                format!("expected a new negative id for a new alert; {id} was used before");
+            // In a recording the VSM may have been restarted meanwhile, and its alerts are counted from the beginning.
+            if view.live {
+                found.fail(seen, reason);
+            } else {
+                found.warn(seen, reason);
+            }
         } else {
             // A receiver that joined later, or that lost the first message, sees an update only.
             let elsewhere = ever.contains(&id);
@@ -297,8 +328,13 @@ fn acknowledgements_are_not_acknowledged(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// A transfer: of a vehicle, to a CUCS, in a plan mode.
+type Transfer = (Ends, u32, Option<i64>);
+/// How soon after the end of a transfer another end is about the same one, where the command of the next may be missing.
+const CONTRADICTS_WITHIN: Duration = Duration::from_secs(5);
+
 fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
-    let mut last: BTreeMap<(u32, usize, Option<i64>), i64> = BTreeMap::new();
+    let mut last: BTreeMap<Transfer, i64> = BTreeMap::new();
     let mut commands: Vec<(f64, usize)> = view
         .requests()
         .filter(|seen| seen.kind() == 13000)
@@ -306,8 +342,8 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
         .collect();
     commands.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut previous = 0.0;
-    let mut ends: BTreeMap<(u32, usize, Option<i64>), i64> = BTreeMap::new();
-    for seen in view.messages().filter(|seen| seen.kind() == 14000) {
+    let mut ended: BTreeMap<Transfer, (i64, Duration)> = BTreeMap::new();
+    for seen in view.in_order().filter(|seen| seen.kind() == 14000) {
         let at = seen.at.as_secs_f64();
         // A new transfer starts at 0 %.
         if commands
@@ -315,15 +351,20 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
             .any(|&(time, _)| time > previous && time <= at)
         {
             last.clear();
-            ends.clear();
+            ended.clear();
         }
         previous = at;
         // The command that cancels a transfer ends by itself, apart from the transfer.
         let mode = seen.raw("Mission Plan Mode");
-        let key = (seen.piece.destination.0, seen.socket, mode);
-        // The same end twice is a repetition; a different one contradicts the first.
+        let key = (ends(seen), seen.piece.destination.0, mode);
+        // The same end twice is a repetition; a different one contradicts the first. Later in a recording it is that of
+        // another transfer, whose command is not in it.
         if let Some(end) = seen.raw("Status").filter(|&status| status != 0) {
-            let first = *ends.entry(key).or_insert(end);
+            let first = ended.entry(key).or_insert((end, seen.at));
+            if !view.live && seen.at.saturating_sub(first.1) > CONTRADICTS_WITHIN {
+                *first = (end, seen.at);
+            }
+            let first = first.0;
             found.check(seen, first == end, || {
                 format!("expected one end of a transfer; 14000 status {end} follows status {first}")
             });
@@ -341,10 +382,12 @@ fn progress_is_between_0_and_100(view: &View<'_>, found: &mut Found) {
             format!("expected Percent Complete 100 with status 1 (complete) of a load or a download, got {percent}")
         });
         let before = last.insert(key, percent);
-        let ended = seen.raw("Status").is_some_and(|status| status == 2);
+        // A rejection may have any percentage; in a recording one of 0 may begin a transfer whose command is not in it.
+        let rejected = seen.raw("Status").is_some_and(|status| status == 2);
+        let begins = !view.live && percent == 0;
         found.check(
             seen,
-            ended || before.is_none_or(|before| before <= percent),
+            rejected || begins || before.is_none_or(|before| before <= percent),
             || {
                 format!(
                     "expected Percent Complete not to fall within a transfer; {percent} follows {}",
@@ -644,6 +687,120 @@ mod tests {
         assert_eq!(endless(|step| step, 40), Verdict::Pass);
         // The link to the vehicle may be lost for a while.
         assert_eq!(endless(|_| 0, 20), Verdict::Inconclusive);
+    }
+
+    fn heartbeats(times_ms: &[u64]) -> Verdict {
+        let all: Vec<_> = (times_ms.iter())
+            .map(|&at_ms| received(at_ms, Draft::new(16_002)))
+            .collect();
+        verdict_on(&all, heartbeat_at_1_hz)
+    }
+
+    #[test]
+    fn a_heartbeat_that_is_lost_or_late_is_no_other_period() {
+        let every = |step_ms: u64, count: u64| -> Vec<u64> {
+            (0..count).map(|step| step * step_ms).collect()
+        };
+        assert_eq!(heartbeats(&every(1_000, 8)), Verdict::Pass);
+        let mut lossy = every(1_000, 8);
+        lossy.remove(3);
+        assert_eq!(heartbeats(&lossy), Verdict::Pass);
+        let mut late = every(1_000, 10);
+        late[4] += 300;
+        assert_eq!(heartbeats(&late), Verdict::Pass);
+        for step_ms in [300, 400, 2_000] {
+            assert_eq!(heartbeats(&every(step_ms, 8)), Verdict::Fail, "{step_ms}");
+        }
+        // In pairs every two seconds.
+        let pairs: Vec<u64> = (0..8)
+            .map(|step| step / 2 * 2_000 + step % 2 * 10)
+            .collect();
+        assert_eq!(heartbeats(&pairs), Verdict::Fail);
+        // One gap is too little to judge.
+        assert_eq!(heartbeats(&[0, 2_000]), Verdict::Inconclusive);
+    }
+
+    /// What is found in alerts of these vehicles with these numbers, a second apart, in a run and in a recording.
+    fn alerts(all: &[(u32, i64)]) -> [Verdict; 2] {
+        let all: Vec<_> = (0..)
+            .zip(all)
+            .map(|(step, &(vehicle, number))| {
+                let mut draft = Draft::new(16000).raw("Alert (Warning) ID", number);
+                draft.source = Some(Id(0x1b00_0101 + vehicle));
+                received(step * 1_000, draft)
+            })
+            .collect();
+        let judge = first_alert_negative_update_positive;
+        [verdict_on(&all, judge), verdict_on_recorded(&all, judge)]
+    }
+
+    #[test]
+    fn alerts_are_counted_by_each_vehicle_and_from_the_beginning_after_a_restart() {
+        assert_eq!(alerts(&[(0, -1), (0, 1), (0, -2)]), [Verdict::Pass; 2]);
+        assert_eq!(alerts(&[(0, -1), (1, -1), (1, 1)]), [Verdict::Pass; 2]);
+        // A restart cannot be seen in a recording, and is no part of a run.
+        let again = [(0, -1), (0, -2), (0, -1)];
+        assert_eq!(alerts(&again), [Verdict::Fail, Verdict::Warning]);
+        assert_eq!(alerts(&[(0, 1)]), [Verdict::Fail, Verdict::Pass]);
+    }
+
+    /// What is found in 14000s of a load: when, of which vehicle, with which status and percentage.
+    fn loads(reports: &[(u64, u32, i64, i64)]) -> [Verdict; 2] {
+        let all: Vec<_> = (reports.iter())
+            .map(|&(at_ms, vehicle, status, percent)| {
+                let mut draft = report(status, percent).raw("Mission Plan Mode", 2);
+                draft.source = Some(Id(0x1b00_0101 + vehicle));
+                received(at_ms, draft)
+            })
+            .collect();
+        let judge = progress_is_between_0_and_100;
+        [verdict_on(&all, judge), verdict_on_recorded(&all, judge)]
+    }
+
+    #[test]
+    fn a_transfer_is_that_of_one_vehicle() {
+        let falls = [(0, 0, 0, 60), (100, 0, 0, 30), (200, 0, 1, 100)];
+        assert_eq!(loads(&falls), [Verdict::Fail; 2]);
+        let two = [(0, 0, 0, 60), (100, 1, 0, 30), (200, 0, 1, 100)];
+        assert_eq!(loads(&two), [Verdict::Pass; 2]);
+        let both_ends = [(0, 0, 1, 100), (100, 0, 2, 100)];
+        assert_eq!(loads(&both_ends), [Verdict::Fail; 2]);
+        // Another load, whose 13000 is not in the recording.
+        let later = [(0, 0, 1, 100), (60_000, 0, 0, 0), (61_000, 0, 2, 0)];
+        assert_eq!(loads(&later), [Verdict::Fail, Verdict::Pass]);
+        let begun_again = [(0, 0, 0, 60), (60_000, 0, 0, 0)];
+        assert_eq!(loads(&begun_again), [Verdict::Fail, Verdict::Pass]);
+    }
+
+    #[test]
+    fn progress_that_was_overtaken_or_doubled_is_no_fall() {
+        let of = |at_ms: u64, stamp: i64, percent: i64| {
+            received(at_ms, report(0, percent).raw("Time Stamp", stamp))
+        };
+        let run = [
+            of(0, 10, 20),
+            of(50, 60, 60),
+            of(60, 40, 40),
+            of(70, 10, 20),
+            of(80, 80, 80),
+        ];
+        assert_eq!(
+            verdict_on(&run, progress_is_between_0_and_100),
+            Verdict::Pass
+        );
+    }
+
+    #[test]
+    fn ids_of_everybody_and_nobody_are_no_sources() {
+        let from = |source: Id| {
+            let mut draft = Draft::new(3001);
+            draft.source = Some(source);
+            verdict_on(&[received(0, draft)], form_of_ids)
+        };
+        assert_eq!(from(Id(0x1b00_0101)), Verdict::Pass);
+        for source in [Id::BROADCAST, Id::NULL, Id(0xff00_00a0)] {
+            assert_eq!(from(source), Verdict::Fail, "{source}");
+        }
     }
 
     #[test]
