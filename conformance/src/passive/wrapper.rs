@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use super::view::{Found, Judge, View};
-use crate::wire::{Direction, HEADER, checksum, trailer};
+use crate::wire::{Direction, HEADER, Seen, checksum, trailer};
 use stanag_msgs::Id;
 
 pub(super) const JUDGES: &[Judge] = &[
@@ -187,23 +187,62 @@ fn crc_32(view: &View<'_>, found: &mut Found) {
     }
 }
 
-fn version_number(view: &View<'_>, found: &mut Found) {
-    let expected = view.profile.idd();
-    // A CUCS that sent a request in another version may be answered in it: for a while, and until it sends one in the
-    // profile's version.
-    let mut asked: BTreeMap<usize, Vec<(Duration, u8)>> = BTreeMap::new();
-    for seen in view.requests() {
-        let of_socket = asked.entry(seen.socket).or_default();
-        of_socket.push((seen.at, seen.piece.idd()));
+/// The versions of the interface that a receiver at each socket has spoken itself, and so may be sent.
+struct Spoken {
+    by_socket: BTreeMap<usize, Vec<(Duration, u8)>>,
+    live: bool,
+    expected: u8,
+}
+
+impl Spoken {
+    fn of(view: &View<'_>) -> Self {
+        let mut by_socket: BTreeMap<usize, Vec<(Duration, u8)>> = BTreeMap::new();
+        for seen in view.requests() {
+            let of_socket = by_socket.entry(seen.socket).or_default();
+            of_socket.push((seen.at, seen.piece.idd()));
+        }
+        Self {
+            by_socket,
+            live: view.live,
+            expected: view.profile.idd(),
+        }
     }
-    let may_answer = |socket: usize, at: Duration, idd: u8| {
-        let asked = asked.get(&socket).map_or(&[][..], Vec::as_slice);
-        let before = asked.iter().rev().filter(|(then, _)| *then <= at);
-        let mut before = before.enumerate();
-        before.any(|(k, (then, by))| *by == idd && (k == 0 || at - *then <= ANSWERED_WITHIN))
-    };
+
+    /// Whether this message may have another version than that of the profile. A CUCS that sent a request in it may be
+    /// answered in it: for a while, and until it sends one in the profile's version. Before a recording begins it may have
+    /// sent one, and of who only listens in it nothing is known.
+    fn may_be_sent(&self, seen: &Seen) -> bool {
+        let idd = seen.piece.idd();
+        let Some(of_socket) = self.by_socket.get(&seen.socket) else {
+            return !self.live && [EDITION_3, EDITION_4].contains(&idd);
+        };
+        let before = of_socket.iter().rev().filter(|(then, _)| *then <= seen.at);
+        let mut before = before.enumerate().peekable();
+        if !self.live && before.peek().is_none() {
+            return of_socket.first().is_some_and(|(_, by)| *by == idd);
+        }
+        before.any(|(k, (then, by))| *by == idd && (k == 0 || seen.at - *then <= ANSWERED_WITHIN))
+    }
+
+    /// The version that the message has to have, and that its first word goes by.
+    fn expected_in(&self, seen: &Seen) -> u8 {
+        if self.may_be_sent(seen) {
+            seen.piece.idd()
+        } else {
+            self.expected
+        }
+    }
+}
+
+/// Versions of the interface in the properties.
+const EDITION_3: u8 = 30;
+const EDITION_4: u8 = 32;
+
+fn version_number(view: &View<'_>, found: &mut Found) {
+    let spoken = Spoken::of(view);
     for seen in view.messages() {
-        if seen.piece.idd() != expected && may_answer(seen.socket, seen.at, seen.piece.idd()) {
+        let expected = spoken.expected;
+        if seen.piece.idd() != expected && spoken.may_be_sent(seen) {
             continue;
         }
         found.check(seen, seen.piece.idd() == expected, || {
@@ -221,8 +260,11 @@ fn version_number(view: &View<'_>, found: &mut Found) {
 const ANSWERED_WITHIN: Duration = Duration::from_secs(5);
 
 fn reserved_parts(view: &View<'_>, found: &mut Found) {
-    let expected = if view.profile.idd() == 30 { 0xFFFF } else { 0 };
+    let spoken = Spoken::of(view);
     for seen in view.messages() {
+        // The first word is that of the edition which the message has, as where the receiver speaks another one.
+        let edition_3 = spoken.expected_in(seen) == EDITION_3;
+        let expected = if edition_3 { 0xFFFF } else { 0 };
         let bits = seen.piece.properties & 0x3F;
         found.check(seen, seen.piece.reserved == expected && bits == 0, || {
             format!("expected first word 0x{expected:04x} and property bits 5 to 0 clear, got 0x{:04x} and 0x{bits:02x}", seen.piece.reserved)
@@ -286,7 +328,9 @@ fn sources_and_destinations(view: &View<'_>, found: &mut Found) {
         // Reports about a vehicle: a CUCS draws the vehicle that is the source.
         if matches!(seen.kind(), 3000..=4001 | 13001..=14000) && !vehicles.is_empty() {
             let only_vsm = vsm_ids.contains(&source) && !vsm_ids.contains(&Id::NULL);
-            found.check(seen, vehicles.contains(&source) && !only_vsm, || {
+            // In a recording the #2 of a vehicle may be missing.
+            let vehicle = vehicles.contains(&source) || !view.live;
+            found.check(seen, vehicle && !only_vsm, || {
                 format!("expected the vehicle that a report is about as its source; got {place}")
             });
         }
@@ -301,7 +345,9 @@ fn header_byte_order(view: &View<'_>, found: &mut Found) {
         };
         let other = usize::from(u16::from_le_bytes([head[2], head[3]]));
         let left = bytes.len().checked_sub(HEADER + other);
-        if datagram.fault.is_some() && left.is_some_and(|left| [0, 2, 4].contains(&left)) {
+        // Only where nothing of it can be read: what is cut off behind a message fits by chance.
+        let unread = datagram.fault.is_some() && datagram.originals.is_empty();
+        if unread && left.is_some_and(|left| [0, 2, 4].contains(&left)) {
             found.fail_at(datagram, format!("expected the most significant byte first; the header's length fits only the other way round ({other} bytes)"));
         }
     }
@@ -315,6 +361,76 @@ mod tests {
     use crate::passive::view::{verdict_on, verdict_on_recorded};
     use crate::verdict::Verdict;
     use crate::wire::Draft;
+
+    /// A CUCS that connects in one version, and a report in another, with that one's first word.
+    fn answered(asked: u8, answered: u8, datagrams: &[usize]) -> Vec<Datagram> {
+        let of = |message: u16, idd: u8| {
+            let mut draft = Draft::new(message);
+            draft.idd = Some(idd);
+            draft
+        };
+        let all = [
+            sent(0, of(1, asked)),
+            received(10, of(3001, answered)),
+            sent(60_000, of(1, asked)),
+        ];
+        datagrams.iter().map(|&place| all[place].clone()).collect()
+    }
+
+    #[test]
+    fn a_cucs_is_answered_in_its_own_edition() {
+        for judge in [version_number as fn(&View<'_>, &mut Found), reserved_parts] {
+            let both = |run: &[Datagram]| [verdict_on(run, judge), verdict_on_recorded(run, judge)];
+            assert_eq!(both(&answered(32, 32, &[0, 1])), [Verdict::Pass; 2]);
+            assert_eq!(both(&answered(32, 30, &[0, 1])), [Verdict::Fail; 2]);
+            // It has asked, or will: before the recording it may have.
+            let own = answered(30, 30, &[0, 1]);
+            assert!(!both(&own).contains(&Verdict::Fail));
+            let later = answered(30, 30, &[1, 2]);
+            assert_eq!(verdict_on(&later, judge), Verdict::Fail);
+            assert_ne!(verdict_on_recorded(&later, judge), Verdict::Fail);
+            let listens = answered(30, 30, &[1]);
+            assert_ne!(verdict_on_recorded(&listens, judge), Verdict::Fail);
+            let unknown = answered(30, 31, &[1]);
+            assert_eq!(verdict_on_recorded(&unknown, version_number), Verdict::Fail);
+        }
+    }
+
+    #[test]
+    fn in_a_recording_the_response_of_a_vehicle_may_be_missing() {
+        let mut report = Draft::new(3001);
+        report.source = Some(Id(0x1b00_0102));
+        let of_another = [
+            sent(0, Draft::new(1)),
+            received(10, Draft::new(2).id("VSM ID", Id(0x1b00_0001))),
+            received(20, report.clone()),
+        ];
+        let recorded = |run: &[Datagram]| verdict_on_recorded(run, sources_and_destinations);
+        assert_eq!(recorded(&of_another), Verdict::Pass);
+        // The VSM is none.
+        report.source = Some(Id(0x1b00_0001));
+        let mut of_vsm = of_another.to_vec();
+        of_vsm.push(received(30, report));
+        assert_eq!(recorded(&of_vsm), Verdict::Fail);
+    }
+
+    #[test]
+    fn bytes_behind_a_message_are_no_other_byte_order() {
+        let datagram = |mut bytes: Vec<u8>, behind: &[u8]| {
+            bytes.extend(behind);
+            let ends = (([127, 0, 0, 1], 1).into(), ([127, 0, 0, 1], 2).into());
+            let at = (Duration::ZERO, Duration::ZERO);
+            Datagram::new(at, Direction::Received, 0, ends, bytes, None)
+        };
+        let whole = Draft::new(3001).encode(Id(1), Id(2), 32, 0);
+        let mut exchanged = whole.clone();
+        exchanged.swap(2, 3);
+        // As many bytes that are no message as the length has the other way round.
+        let behind = vec![0; 255 * (whole.len() - HEADER)];
+        let judged = |one: Datagram| verdict_on(&[one], header_byte_order);
+        assert_eq!(judged(datagram(exchanged, &[])), Verdict::Fail);
+        assert_ne!(judged(datagram(whole, &behind)), Verdict::Fail);
+    }
 
     /// A CUCS that connects, and a report to this destination.
     fn reported_to(destination: Id) -> [Datagram; 3] {
