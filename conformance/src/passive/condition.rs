@@ -160,6 +160,8 @@ fn ua_state_follows_the_flight(view: &View<'_>, found: &mut Found) {
 
 /// How long an engine and its vehicle have stood still, by the clock, before the engine has to: a propeller runs down.
 const RUN_DOWN: Duration = Duration::from_secs(4);
+/// A gap between reports in which an engine may have run, or its vehicle flown, and stopped again.
+const UNSEEN: Duration = Duration::from_secs(10);
 /// What a light wind may turn a stopped propeller with, rad/s.
 const WIND_MILLS: f64 = 30.0;
 /// What is left of the speed of a turbine, or a rotor without a brake, that runs down for as long, at most.
@@ -200,6 +202,10 @@ struct Engine {
 
 impl Engine {
     fn take(&mut self, at: Duration, status: i64, turns: Option<f64>) {
+        // In a gap of its reports it may have run.
+        if at.saturating_sub(self.at) > UNSEEN {
+            (self.stopped_since, self.stopping) = (None, None);
+        }
         (self.at, self.status, self.turns) = (at, status, turns);
         if status == STOPPED {
             self.stopped_since.get_or_insert(at);
@@ -226,7 +232,10 @@ impl Engine {
 impl Vehicle {
     fn take(&mut self, fix: Fix) {
         let rests = fix.north.hypot(fix.east) < 1.0 && fix.down.abs() < 0.5;
-        self.rests_since = rests.then(|| self.rests_since.unwrap_or(fix.at));
+        // In a gap of its reports it may have flown.
+        let gap = (self.fix).is_some_and(|last| fix.at.saturating_sub(last.at) > UNSEEN);
+        let since = self.rests_since.filter(|_| !gap);
+        self.rests_since = rests.then(|| since.unwrap_or(fix.at));
         self.fix = Some(fix);
     }
 
@@ -536,6 +545,26 @@ mod tests {
             Verdict::Pass
         );
         assert_eq!(stopped(|_| 100.0), Verdict::Warning);
+    }
+
+    #[test]
+    fn an_engine_may_have_run_in_a_gap_of_its_reports() {
+        let after_gap = |gap_ms: u64| {
+            let mut run = Vec::new();
+            for step in 0..13 {
+                run.push(moves(step * 500, 0.0, 0.0));
+                run.push(engine(step * 500 + 100, 0, Some(0.0)));
+            }
+            for step in 0..4 {
+                let at_ms = 6_500 + gap_ms + step * 500;
+                run.push(moves(at_ms, 0.0, 0.0));
+                run.push(engine(at_ms + 100, 0, Some(500.0)));
+            }
+            run.push(engine(200_000, 2, Some(600.0)));
+            verdict_on(&run, engines_turn_while_they_run)
+        };
+        assert_eq!(after_gap(0), Verdict::Fail);
+        assert_eq!(after_gap(60_000), Verdict::Pass);
     }
 
     #[test]
