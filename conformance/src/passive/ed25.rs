@@ -75,6 +75,8 @@ pub(super) const SHARED: &[&str] = &[
 /// Number of the acknowledgement; #1401 configures it.
 const ACKNOWLEDGEMENT: u16 = 1400;
 const CONFIGURATION: u16 = 1401;
+/// The request by which a CUCS discovers and connects.
+const CONNECTION: u16 = 1;
 /// Seconds from 1970 to 2000.
 const EPOCH_2000_S: f64 = 946_684_800.0;
 
@@ -137,7 +139,8 @@ fn sum_over_the_message(view: &View<'_>, found: &mut Found) {
 }
 
 fn version_text(view: &View<'_>, found: &mut Found) {
-    let mut first: Option<String> = None;
+    // By receiver: each may speak another one.
+    let mut first: BTreeMap<u32, String> = BTreeMap::new();
     for seen in view.messages() {
         let Some(wrapped) = &seen.piece.wrapped else {
             continue;
@@ -153,31 +156,48 @@ fn version_text(view: &View<'_>, found: &mut Found) {
         found.check(seen, wrapped.version.contains(&0), || {
             "expected the version to end in NUL within its ten bytes".into()
         });
-        let first = first.get_or_insert_with(|| text.clone());
+        let first = first.entry(seen.piece.destination.0);
+        let first = first.or_insert_with(|| text.clone());
         found.check(seen, *first == text, || {
             format!(
-                "expected the same version in each message of the subject: {first:?}, then {text:?}"
+                "expected the same version in each message of the subject to {}: {first:?}, then {text:?}",
+                seen.piece.destination
             )
         });
     }
 }
 
+/// An instance id that is this much lower than the one before is none that was overtaken: they are counted again.
+const COUNTED_AGAIN: u32 = 16;
+
 fn instances_and_sequence(view: &View<'_>, found: &mut Found) {
-    let mut known: BTreeMap<(u32, u16, u32), Arc<Seen>> = BTreeMap::new();
+    let mut known: BTreeMap<(u32, u16), BTreeMap<u32, Arc<Seen>>> = BTreeMap::new();
+    let mut last: BTreeMap<(u32, u16), u32> = BTreeMap::new();
     for seen in view.messages() {
         let Some(wrapped) = &seen.piece.wrapped else {
             continue;
         };
-        let key = (seen.piece.source.0, seen.kind(), wrapped.instance);
+        let (key, instance) = ((seen.piece.source.0, seen.kind()), wrapped.instance);
+        let of_kind = known.entry(key).or_default();
         // The same bytes again are a duplicate by the network, or by several interfaces.
-        let again = known
-            .get(&key)
-            .is_some_and(|before| before.piece.bytes != seen.piece.bytes);
+        let before = of_kind.get(&instance);
+        let copy = before.is_some_and(|before| before.piece.bytes == seen.piece.bytes);
+        if !copy {
+            let before = last.insert(key, instance).unwrap_or(instance);
+            let first = of_kind.first_key_value().map(|(first, _)| *first);
+            let lowest = instance < before && first.is_some_and(|first| instance <= first);
+            // After a restart the sender may count from the beginning, as in another mission.
+            if lowest || before.saturating_sub(instance) > COUNTED_AGAIN {
+                known.clear();
+                last = BTreeMap::from([(key, instance)]);
+            }
+        }
+        let of_kind = known.entry(key).or_default();
+        let again = !copy && of_kind.contains_key(&instance);
         found.check(seen, !again, || {
             format!(
-                "expected an instance id of its own for each #{}; {} came twice with other content",
-                seen.kind(),
-                wrapped.instance
+                "expected an instance id of its own for each #{}; {instance} came twice with other content",
+                seen.kind()
             )
         });
         found.check(seen, wrapped.sequence == u32::MAX, || {
@@ -186,7 +206,7 @@ fn instances_and_sequence(view: &View<'_>, found: &mut Found) {
                 wrapped.sequence
             )
         });
-        known.entry(key).or_insert_with(|| seen.clone());
+        of_kind.entry(instance).or_insert_with(|| seen.clone());
     }
 }
 
@@ -271,32 +291,52 @@ fn about(seen: &Seen) -> (Option<i64>, Option<i64>) {
 }
 
 fn acknowledged_by_configuration_only(view: &View<'_>, found: &mut Found) {
-    let configured: BTreeSet<i64> = view
-        .requests()
-        .filter(|seen| seen.kind() == CONFIGURATION)
-        .filter_map(|seen| about(seen).0)
-        .collect();
+    let mut configured: BTreeSet<i64> = BTreeSet::new();
+    // CUCSs whose connection is in the traffic from its beginning, and that have configured something in it.
+    let (mut first, mut whole) = (BTreeMap::new(), BTreeSet::new());
+    for seen in view.requests() {
+        let cucs = seen.piece.source;
+        let begins = *first.entry(cucs).or_insert(seen.kind()) == CONNECTION;
+        if seen.kind() == CONFIGURATION {
+            configured.extend(about(seen).0);
+            if begins {
+                whole.insert(cucs);
+            }
+        }
+    }
     for seen in view
         .messages()
         .filter(|seen| seen.kind() == ACKNOWLEDGEMENT)
     {
         let Some(kind) = about(seen).0 else { continue };
-        found.check(seen, configured.contains(&kind), || {
+        let asked = configured.contains(&kind);
+        // A recording may begin after the #1401.
+        if !asked && !view.live && !whole.contains(&seen.piece.destination) {
+            found.missed(format!(
+                "#1400 about #{kind} to {}, whose #1401 may have come before the recording",
+                seen.piece.destination
+            ));
+            continue;
+        }
+        found.check(seen, asked, || {
             format!("expected no #1400 about #{kind}, which no #1401 asked to be acknowledged")
         });
     }
 }
 
 fn acknowledgements_name_a_message(view: &View<'_>, found: &mut Found) {
-    let sent: BTreeSet<(i64, i64)> = view
-        .requests()
-        .filter_map(|seen| {
-            Some((
-                seen.kind().into(),
-                i64::from(seen.piece.wrapped.as_ref()?.instance),
-            ))
-        })
-        .collect();
+    let mut sent: BTreeSet<(i64, i64)> = BTreeSet::new();
+    // Time stamps of the messages of each CUCS, bit by bit.
+    let mut stamps: BTreeSet<(u32, i64, u64)> = BTreeSet::new();
+    for seen in view.requests() {
+        let Some(wrapped) = &seen.piece.wrapped else {
+            continue;
+        };
+        let kind = i64::from(seen.kind());
+        sent.insert((kind, i64::from(wrapped.instance)));
+        let stamp = seen.value("Time Stamp");
+        stamps.extend(stamp.map(|stamp| (seen.piece.source.0, kind, stamp.to_bits())));
+    }
     for seen in view
         .messages()
         .filter(|seen| seen.kind() == ACKNOWLEDGEMENT)
@@ -305,7 +345,19 @@ fn acknowledgements_name_a_message(view: &View<'_>, found: &mut Found) {
             continue;
         };
         let instance = i64::from(instance as u32);
-        found.check(seen, sent.contains(&(kind, instance)), || {
+        let known = sent.contains(&(kind, instance));
+        // A recording may begin between a message and its acknowledgement, and may lack a datagram.
+        let stamp = seen.value("Original Message Time Stamp");
+        let absent = stamp.filter(|&stamp| stamp != 0.0).is_some_and(|stamp| {
+            !stamps.contains(&(seen.piece.destination.0, kind, stamp.to_bits()))
+        });
+        if !known && !view.live && absent {
+            found.missed(format!(
+                "#1400 about #{kind} with instance {instance}, which is not in the recording"
+            ));
+            continue;
+        }
+        found.check(seen, known, || {
             format!("expected #1400 to name a message that was sent; #{kind} with instance {instance} was not")
         });
     }

@@ -91,11 +91,34 @@ pub struct Captured {
     pub bytes: Vec<u8>,
 }
 
+/// What a capture file contains.
+#[derive(Debug, Default)]
+pub struct Capture {
+    /// Its UDP datagrams.
+    pub datagrams: Vec<Captured>,
+    /// How many packets have a part of a datagram only: fragments, and what the recorder cut off. Whoever sent them is not to
+    /// blame.
+    pub cut: usize,
+}
+
+impl Capture {
+    fn take(&mut self, wall: Duration, link: u32, packet: &[u8]) {
+        match udp(wall, link, packet) {
+            Some(Ok(captured)) => self.datagrams.push(captured),
+            Some(Err(Cut)) => self.cut += 1,
+            None => {}
+        }
+    }
+}
+
+/// A packet has a part of a datagram only.
+struct Cut;
+
 /// The UDP datagrams of a pcap or pcapng file.
 ///
 /// # Errors
 /// It is neither, or is damaged; in a sentence.
-pub fn read(file: &[u8]) -> Result<Vec<Captured>, String> {
+pub fn read(file: &[u8]) -> Result<Capture, String> {
     match file.get(..4) {
         Some([0x0A, 0x0D, 0x0D, 0x0A]) => Ok(read_pcapng(file)),
         Some([0xD4, 0xC3, 0xB2, 0xA1]) => Ok(read_pcap(file, false, 1_000)),
@@ -115,8 +138,8 @@ fn number(bytes: &[u8], big: bool) -> u32 {
     }
 }
 
-fn read_pcap(file: &[u8], big: bool, nanos: u32) -> Vec<Captured> {
-    let mut found = Vec::new();
+fn read_pcap(file: &[u8], big: bool, nanos: u32) -> Capture {
+    let mut found = Capture::default();
     let link = file
         .get(20..24)
         .map_or(1, |bytes| number(bytes, big) & 0xFFFF);
@@ -129,14 +152,14 @@ fn read_pcap(file: &[u8], big: bool, nanos: u32) -> Vec<Captured> {
         };
         let wall = Duration::from_secs(word(0).into())
             + Duration::from_nanos(u64::from(word(4)) * u64::from(nanos));
-        found.extend(udp(wall, link, packet));
+        found.take(wall, link, packet);
         rest = &rest[16 + length..];
     }
     found
 }
 
-fn read_pcapng(file: &[u8]) -> Vec<Captured> {
-    let mut found = Vec::new();
+fn read_pcapng(file: &[u8]) -> Capture {
+    let mut found = Capture::default();
     let mut big = false;
     // Link type and units of a time stamp in a second, for each interface.
     let mut interfaces: Vec<(u32, f64)> = Vec::new();
@@ -167,7 +190,7 @@ fn read_pcapng(file: &[u8]) -> Vec<Captured> {
                     .unwrap_or((1, 1e6));
                 let time = (u64::from(word(4)) << 32 | u64::from(word(8))) as f64 / units;
                 if let Some(packet) = body.get(20..20 + word(12) as usize) {
-                    found.extend(udp(Duration::from_secs_f64(time.min(1e12)), link, packet));
+                    found.take(Duration::from_secs_f64(time.min(1e12)), link, packet);
                 }
             }
             _ => {}
@@ -204,7 +227,7 @@ fn resolution(mut options: &[u8], big: bool) -> f64 {
 }
 
 /// The UDP datagram in a packet of this link type: raw IP, Ethernet, Linux cooked (1 and 2), BSD loopback.
-fn udp(wall: Duration, link: u32, packet: &[u8]) -> Option<Captured> {
+fn udp(wall: Duration, link: u32, packet: &[u8]) -> Option<Result<Captured, Cut>> {
     let mut ip = match link {
         1 => match packet.get(12..14)? {
             [0x81, 0x00] => packet.get(18..)?,
@@ -228,6 +251,10 @@ fn udp(wall: Duration, link: u32, packet: &[u8]) -> Option<Captured> {
                 return None;
             }
             let addresses = (address(ip.get(12..16)?)?, address(ip.get(16..20)?)?);
+            // More fragments, or the offset of one.
+            if number(ip.get(6..8)?, true) & 0x3FFF != 0 {
+                return Some(Err(Cut));
+            }
             ip = ip.get(head..)?;
             addresses
         }
@@ -243,12 +270,15 @@ fn udp(wall: Duration, link: u32, packet: &[u8]) -> Option<Captured> {
     };
     let word = |at: usize| Some(number(ip.get(at..at + 2)?, true) as u16);
     let length = usize::from(word(4)?);
-    Some(Captured {
+    let Some(bytes) = ip.get(8..length) else {
+        return Some(Err(Cut));
+    };
+    Some(Ok(Captured {
         wall,
         from: SocketAddr::new(from, word(0)?),
         to: SocketAddr::new(to, word(2)?),
-        bytes: ip.get(8..length.min(ip.len()))?.to_vec(),
-    })
+        bytes: bytes.to_vec(),
+    }))
 }
 
 #[cfg(test)]
@@ -274,11 +304,36 @@ mod tests {
             comment(&mut block, "AUTH-002 fail");
             file.extend(block);
         }
-        let found = read(&file).unwrap();
+        let found = read(&file).unwrap().datagrams;
         assert_eq!(found.len(), 2);
         assert_eq!(found[1].bytes, b"second datagram");
         assert_eq!((found[0].from, found[0].to), (from, to));
         assert_eq!(found[0].wall, Duration::from_millis(1_700_000_000_250));
         assert!(read(b"hello world").is_err());
+    }
+
+    /// A packet of raw IP with these bytes of flags and offset, and as many bytes of a datagram of 20.
+    fn packet(fragment: [u8; 2], bytes: usize) -> Vec<u8> {
+        let mut packet = vec![0x45, 0, 0, 48, 0, 0, fragment[0], fragment[1], 64, 17, 0, 0];
+        packet.extend([10, 0, 0, 1, 10, 0, 0, 2]);
+        packet.extend([0x11, 0xEA, 0x11, 0xEA, 0, 28, 0, 0]);
+        packet.extend(vec![7; bytes]);
+        packet
+    }
+
+    #[test]
+    fn a_part_of_a_datagram_is_none() {
+        let mut capture = Capture::default();
+        // Whole, without "may be fragmented", and with what fills up a frame behind it.
+        for (fragment, bytes) in [([0, 0], 20), ([0x40, 0], 20), ([0, 0], 26)] {
+            capture.take(Duration::ZERO, 101, &packet(fragment, bytes));
+        }
+        assert_eq!(capture.datagrams.len(), 3);
+        assert!(capture.datagrams.iter().all(|one| one.bytes == [7; 20]));
+        // Cut off by the recorder, the first and the last of several fragments.
+        for (fragment, bytes) in [([0, 0], 12), ([0x20, 0], 20), ([0, 3], 20)] {
+            capture.take(Duration::ZERO, 101, &packet(fragment, bytes));
+        }
+        assert_eq!((capture.datagrams.len(), capture.cut), (3, 3));
     }
 }
