@@ -2,6 +2,7 @@
 //! and the CUCS that requested it, a value and the profile.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -292,15 +293,44 @@ fn alerts_have_a_text_and_a_time(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// How far outside of its azimuth limits a camera is seen to look before they cannot be right, rad.
+const OUTSIDE_RAD: f64 = 0.1;
+
+/// Whether a direction lies in the range that goes from one azimuth clockwise to another, perhaps across the tail.
+fn lies_between(azimuth: f64, low: f64, high: f64) -> bool {
+    let from_low = (azimuth - low).rem_euclid(TAU);
+    from_low <= (high - low).rem_euclid(TAU) + OUTSIDE_RAD || from_low >= TAU - OUTSIDE_RAD
+}
+
 fn limits_of_the_camera(view: &View<'_>, found: &mut Found) {
+    let station = |seen: &Seen| (seen.piece.source, seen.raw("Station Number 1-16"));
     for seen in view.messages().filter(|seen| seen.kind() == 21100) {
-        for part in ["Elevation", "Azimuth"] {
-            let end = |name: &str| seen.raw(&format!("Field of Regard - {part} {name}"));
-            if let (Some(low), Some(high)) = (end("Min"), end("Max")) {
-                found.check(seen, low <= high, || {
-                    format!("expected Field of Regard - {part} Min not above Max in 21100; got {low} and {high}")
-                });
-            }
+        let ends = |part: &str| {
+            let end = |name: &str| seen.value(&format!("Field of Regard - {part} {name}"));
+            end("Min").zip(end("Max"))
+        };
+        if let Some((low, high)) = ends("Elevation") {
+            found.check(seen, low <= high, || {
+                format!("expected Field of Regard - Elevation Min not above Max in 21100; got {low:.3} and {high:.3} rad")
+            });
+        }
+        let Some((low, high)) = ends("Azimuth") else {
+            continue;
+        };
+        found.saw();
+        if low <= high {
+            continue;
+        }
+        // A camera at the tail turns across it: only where it looks shows that the limits are exchanged.
+        let looks = view
+            .messages()
+            .filter(|other| other.kind() == 21101 && station(other) == station(seen));
+        let mut looks = looks.filter_map(|other| other.value("Actual Centreline Azimuth Angle"));
+        if let Some(azimuth) = looks.find(|&azimuth| !lies_between(azimuth, low, high)) {
+            found.fail(
+                seen,
+                format!("expected Field of Regard - Azimuth Min not above Max in 21100, or a camera that looks across the tail; got {low:.3} and {high:.3} rad, and it looks to {azimuth:.3} rad"),
+            );
         }
     }
 }
@@ -712,6 +742,25 @@ mod tests {
         assert_eq!(judged(500), [Verdict::Fail; 2]);
         // Meanwhile it has climbed.
         assert_eq!(judged(60_000), [Verdict::Inconclusive; 2]);
+    }
+
+    #[test]
+    fn a_camera_at_the_tail_turns_across_it() {
+        use crate::passive::view::trace::received;
+        let judged = |low: f64, high: f64, looks: f64| {
+            let limits = Draft::new(21_100)
+                .set("Field of Regard - Azimuth Min", low)
+                .set("Field of Regard - Azimuth Max", high);
+            let state = Draft::new(21_101).set("Actual Centreline Azimuth Angle", looks);
+            let run = [received(0, state), received(10, limits)];
+            both(&run, limits_of_the_camera)
+        };
+        assert_eq!(judged(-1.5, 1.5, 0.5), [Verdict::Pass; 2]);
+        assert_eq!(judged(1.5, -1.5, 3.0), [Verdict::Pass; 2]);
+        assert_eq!(judged(1.5, -1.5, -3.0), [Verdict::Pass; 2]);
+        // Exchanged: it looks ahead.
+        assert_eq!(judged(1.5, -1.5, 0.5), [Verdict::Fail; 2]);
+        assert_eq!(judged(3.1, -3.1, 0.0), [Verdict::Fail; 2]);
     }
 
     #[test]
