@@ -178,6 +178,32 @@ fn fields_do_not_come_and_go(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// Where the speeds of a report show motion, a position with a later stamp has to differ from the one before.
+fn positions_are_as_new_as_their_stamps(view: &View<'_>, found: &mut Found) {
+    /// The longest time between samples of a slow vehicle link, ms.
+    const BETWEEN_MS: i64 = 900;
+    let mut last: BTreeMap<Ends, (i64, [Option<i64>; 2])> = BTreeMap::new();
+    for seen in view.messages().filter(|seen| seen.kind() == 4000) {
+        let (Some(stamp), Some(fix)) = (seen.stamp(), Fix::of(seen)) else {
+            continue;
+        };
+        let place = ["Latitude", "Longitude"].map(|name| seen.raw(name));
+        let moves = fix.north.hypot(fix.east) > 3.0;
+        let before = last.entry(ends(seen)).or_insert((stamp, place));
+        if !moves || before.1 != place || stamp < before.0 {
+            *before = (stamp, place);
+            continue;
+        }
+        let still = stamp - before.0;
+        found.check(seen, still < BETWEEN_MS, || {
+            format!(
+                "expected a position of the time of its stamp; it is the same for {still} ms of stamps while the speed is {:.0} m/s",
+                fix.north.hypot(fix.east)
+            )
+        });
+    }
+}
+
 /// Which CUCSs have to be sent full vectors of 4000.
 struct Promised {
     /// Those that connected.
