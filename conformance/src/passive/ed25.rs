@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::Duration;
 
 use stanag_msgs::ed25::Version;
 use stanag_msgs::table::Wire;
@@ -169,14 +170,25 @@ fn version_text(view: &View<'_>, found: &mut Found) {
 
 /// An instance id that is this much lower than the one before is none that was overtaken: they are counted again.
 const COUNTED_AGAIN: u32 = 16;
+/// A pause of all messages of the subject in which it may have been restarted.
+const RESTARTS_FOR: Duration = Duration::from_secs(1);
 
 fn instances_and_sequence(view: &View<'_>, found: &mut Found) {
     let mut known: BTreeMap<(u32, u16), BTreeMap<u32, Arc<Seen>>> = BTreeMap::new();
     let mut last: BTreeMap<(u32, u16), u32> = BTreeMap::new();
+    // After a restart the sender may count from the beginning, as in another mission. In a run only the suite restarts it:
+    // there ids that come again are those of a counter that is too small.
+    let restarts = !view.live || view.profile.means.restart.is_some();
+    let mut latest: Option<Duration> = None;
+    let mut resumed = Duration::ZERO;
     for seen in view.messages() {
         let Some(wrapped) = &seen.piece.wrapped else {
             continue;
         };
+        if latest.is_some_and(|latest| seen.at.saturating_sub(latest) > RESTARTS_FOR) {
+            resumed = seen.at;
+        }
+        latest = Some(seen.at);
         let (key, instance) = ((seen.piece.source.0, seen.kind()), wrapped.instance);
         let of_kind = known.entry(key).or_default();
         // The same bytes again are a duplicate by the network, or by several interfaces.
@@ -186,8 +198,11 @@ fn instances_and_sequence(view: &View<'_>, found: &mut Found) {
             let before = last.insert(key, instance).unwrap_or(instance);
             let first = of_kind.first_key_value().map(|(first, _)| *first);
             let lowest = instance < before && first.is_some_and(|first| instance <= first);
-            // After a restart the sender may count from the beginning, as in another mission.
-            if lowest || before.saturating_sub(instance) > COUNTED_AGAIN {
+            let falls = lowest || before.saturating_sub(instance) > COUNTED_AGAIN;
+            // Where one message of the kind came before a pause, the first one after it has its id again.
+            let of_same = of_kind.get(&instance).filter(|_| of_kind.len() == 1);
+            let begins = of_same.is_some_and(|same| same.at < resumed);
+            if restarts && (falls || begins) {
                 known.clear();
                 last = BTreeMap::from([(key, instance)]);
             }
@@ -360,5 +375,68 @@ fn acknowledgements_name_a_message(view: &View<'_>, found: &mut Found) {
         found.check(seen, known, || {
             format!("expected #1400 to name a message that was sent; #{kind} with instance {instance} was not")
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::net::Datagram;
+    use crate::passive::view::{verdict_on, verdict_on_recorded};
+    use crate::verdict::Verdict;
+    use crate::wire::Direction;
+
+    /// A message of this type with this instance id, after so many ms, which its time stamp makes another one.
+    fn counted(at_ms: u64, kind: u32, instance: u32) -> Datagram {
+        let mut bytes = b"2.5\0\0\0\0\0\0\0".to_vec();
+        // Its data are a time stamp and two ids; no stream.
+        for word in [instance, kind, 16, u32::MAX, u32::MAX] {
+            bytes.extend(word.to_be_bytes());
+        }
+        bytes.extend((at_ms as f64).to_be_bytes());
+        bytes.extend([0x1b, 0, 1, 1, 0x1b, 0, 0, 0xa0]);
+        let sum: u32 = bytes.iter().map(|&byte| u32::from(byte)).sum();
+        bytes.extend(sum.to_be_bytes());
+        let at = Duration::from_millis(at_ms);
+        let ends = (([127, 0, 0, 1], 1).into(), ([127, 0, 0, 1], 2).into());
+        Datagram::new((at, at), Direction::Received, 0, ends, bytes, None)
+    }
+
+    /// What is found in a run, and in a recording.
+    fn both(datagrams: &[Datagram]) -> [Verdict; 2] {
+        let judge = instances_and_sequence;
+        [
+            verdict_on(datagrams, judge),
+            verdict_on_recorded(datagrams, judge),
+        ]
+    }
+
+    #[test]
+    fn after_a_restart_the_only_id_of_a_kind_comes_again() {
+        let once = [counted(0, 20, 1), counted(100, 101, 1)];
+        assert_eq!(both(&once), [Verdict::Pass; 2]);
+        // Of the first kind after the pause, and of another one, which a new kind comes before.
+        for after in [
+            vec![counted(2_000, 20, 1), counted(2_100, 101, 1)],
+            vec![counted(2_000, 21, 1), counted(2_100, 20, 1)],
+        ] {
+            let restarted = [once.to_vec(), after].concat();
+            assert_eq!(both(&restarted), [Verdict::Fail, Verdict::Pass]);
+        }
+        // Without a pause, and twice after one.
+        let at_once = [once.to_vec(), vec![counted(200, 101, 1)]].concat();
+        assert_eq!(both(&at_once), [Verdict::Fail; 2]);
+        let twice = [counted(2_000, 101, 1), counted(2_100, 101, 1)];
+        let twice = [once.to_vec(), twice.to_vec()].concat();
+        assert_eq!(both(&twice), [Verdict::Fail; 2]);
+    }
+
+    #[test]
+    fn a_counter_that_is_too_small_is_found_in_a_run() {
+        let wraps: Vec<_> = (0..300_u32)
+            .map(|step| counted(u64::from(step) * 100, 101, step % 256))
+            .collect();
+        assert_eq!(both(&wraps[..256]), [Verdict::Pass; 2]);
+        assert_eq!(both(&wraps), [Verdict::Fail, Verdict::Pass]);
     }
 }
