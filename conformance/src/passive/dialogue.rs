@@ -6,10 +6,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::Duration;
 
 use stanag_msgs::Id;
 
-use super::view::{Found, History, Judge, Tally, View};
+use super::view::{Found, History, Judge, OVERTAKEN_MS, Tally, View};
 use crate::wire::{Direction, Seen};
 
 pub(super) const JUDGES: &[Judge] = &[
@@ -86,13 +87,23 @@ fn acknowledgements_name_what_was_sent(view: &View<'_>, found: &mut Found) {
         let first = first.get(&receiver);
         !view.live && first.is_none_or(|first| (1..OLDER_MS).contains(&(first - stamp)))
     };
-    // Nor does it contain every datagram of its time: of single messages only the acknowledgement was recorded.
-    let within = |receiver: u32, stamp: i64| {
-        let stamps = sent.range((receiver, i64::MIN, i64::MIN)..=(receiver, i64::MAX, i64::MAX));
-        let last = stamps.map(|(&(.., stamp), _)| stamp).max();
-        !view.live && last.is_some_and(|last| stamp <= last)
+    // Nor does it contain every datagram of its time: of single messages only the acknowledgement was recorded. By the clock of
+    // the CUCS such a message is no newer than the last one that was recorded and the time since.
+    let mut last: BTreeMap<u32, (i64, Duration)> = BTreeMap::new();
+    for seen in view.requests() {
+        let newest = (seen.stamp().unwrap_or_default(), seen.at);
+        let known = last.entry(seen.piece.source.0).or_insert(newest);
+        *known = newest.max(*known);
+    }
+    let within = |receiver: u32, stamp: i64, at: Duration| {
+        let last = last.get(&receiver).filter(|_| !view.live);
+        last.is_some_and(|&(last, then)| {
+            let since = at.saturating_sub(then).as_millis() as i64;
+            stamp <= last + since + OVERTAKEN_MS
+        })
     };
     let mut recorded = Tally::default();
+    let mut named = BTreeSet::new();
     for seen in view.messages().filter(|seen| seen.kind() == 17000) {
         let (Some(kind), Some(stamp)) = (
             seen.raw("Original Message Type"),
@@ -114,8 +125,11 @@ fn acknowledgements_name_what_was_sent(view: &View<'_>, found: &mut Found) {
         if !known && older(receiver, stamp) {
             continue;
         }
-        recorded.look(seen, known);
-        if !known && within(receiver, stamp) {
+        // Copies, and the steps of one command, are about one message.
+        if named.insert((receiver, kind, stamp)) {
+            recorded.look(seen, known);
+        }
+        if !known && within(receiver, stamp, seen.at) {
             continue;
         }
         found.check(seen, known, || {
@@ -659,11 +673,16 @@ mod tests {
                     .raw("Original Message Type", 2016);
                 received(stamp as u64 + 50, draft)
             }));
-            run.push(sent(900, Draft::new(2016).raw("Time Stamp", 900)));
             run
         };
         let judge = acknowledgements_name_what_was_sent;
-        let one = acknowledged(&[100, 400]);
+        let mut one = acknowledged(&[100, 60_000]);
+        assert_eq!(both(&one, judge), [Verdict::Fail, Verdict::Pass]);
+        // Received, then done.
+        let again = Draft::new(17000)
+            .raw("Original Message Time Stamp", 60_000)
+            .raw("Original Message Type", 2016);
+        one.push(received(60_100, again));
         assert_eq!(both(&one, judge), [Verdict::Fail, Verdict::Pass]);
         // Most of them name nothing that was sent.
         let wrong = acknowledged(&[100, 200, 300, 400]);
