@@ -247,6 +247,9 @@ fn nothing_is_granted_unrequested(view: &View<'_>, found: &mut Found) {
 fn transfers_echo_a_command(view: &View<'_>, found: &mut Found) {
     let mut commands: BTreeSet<(String, i64)> = BTreeSet::new();
     let mut broken = false;
+    let mut senders: BTreeSet<Id> = BTreeSet::new();
+    let mut ends: BTreeSet<&[u8]> = BTreeSet::new();
+    let mut recorded = Tally::default();
     for seen in view
         .datagrams
         .iter()
@@ -254,6 +257,7 @@ fn transfers_echo_a_command(view: &View<'_>, found: &mut Found) {
     {
         match (seen.direction, seen.kind()) {
             (Direction::Sent, 13000) => {
+                senders.insert(seen.piece.source);
                 let text = seen.text("Mission ID").unwrap_or_default();
                 // Sent on purpose without a NUL, or with bytes that are not characters: how that is echoed is judged
                 // by another rule.
@@ -270,6 +274,14 @@ fn transfers_echo_a_command(view: &View<'_>, found: &mut Found) {
                     continue;
                 };
                 let named = commands.contains(&(text.clone(), mode));
+                // A transfer has any number of reports on its way, and one end. Of a CUCS that only listens no command is
+                // recorded.
+                let ends_one = seen.raw("Status").is_some_and(|status| status != 0)
+                    && senders.contains(&seen.piece.destination)
+                    && ends.insert(&seen.piece.bytes);
+                if ends_one {
+                    recorded.look(seen, named);
+                }
                 // A transfer may have begun before a recording, or its command may not be in it.
                 if !named && !view.live {
                     found.missed(format!(
@@ -283,6 +295,14 @@ fn transfers_echo_a_command(view: &View<'_>, found: &mut Found) {
             }
             _ => {}
         }
+    }
+    if !view.live {
+        recorded.judge_by(
+            found,
+            3,
+            5,
+            "expected the last 14000 of each transfer to name Mission ID and plan mode of a 13000 before it; most of the recording name none",
+        );
     }
 }
 
@@ -698,6 +718,50 @@ mod tests {
         let run = [sent(0, command), received(100, ends)];
         assert_eq!(
             both(&run, transfers_echo_a_command),
+            [Verdict::Fail, Verdict::Inconclusive]
+        );
+    }
+
+    #[test]
+    fn most_transfers_of_a_recording_name_their_command() {
+        // Each 13000 has another Mission ID in mode 1; and its 14000s, with these statuses, have this one and mode.
+        let run = |named: Option<&str>, mode: i64, statuses: &[i64]| {
+            let mut run = Vec::new();
+            for (at_ms, mission) in (0..).step_by(10_000).zip(["A", "B", "C", "D"]) {
+                let command = Draft::new(13_000)
+                    .raw("Mission Plan Mode", 1)
+                    .text("Mission ID", mission.as_bytes());
+                run.push(sent(at_ms, command));
+                for (after_ms, &status) in (100..).step_by(100).zip(statuses) {
+                    let report = Draft::new(14_000)
+                        .raw("Status", status)
+                        .raw("Mission Plan Mode", mode)
+                        .text("Mission ID", named.unwrap_or(mission).as_bytes());
+                    run.push(received(at_ms + after_ms, report));
+                }
+            }
+            run
+        };
+        let judge = transfers_echo_a_command;
+        let right = run(None, 1, &[0, 0, 1]);
+        assert_eq!(both(&right, judge), [Verdict::Pass; 2]);
+        for wrong in [run(Some(""), 1, &[0, 1]), run(None, 2, &[0, 1])] {
+            assert_eq!(both(&wrong, judge), [Verdict::Fail; 2]);
+        }
+        // The command of one transfer with many reports is missing.
+        let mut one = run(None, 1, &[0, 0, 0, 0, 0, 0, 1]);
+        one.remove(8);
+        assert_eq!(both(&one, judge), [Verdict::Fail, Verdict::Pass]);
+        // A CUCS that only listens has sent none of the commands.
+        let mut listens = run(Some("E"), 1, &[0, 1]);
+        listens.retain(|datagram| datagram.direction == Direction::Received);
+        let mut command = Draft::new(13_000)
+            .raw("Mission Plan Mode", 1)
+            .text("Mission ID", b"A");
+        command.source = Some(Id(0x1b00_00a1));
+        listens.insert(0, sent(0, command));
+        assert_eq!(
+            both(&listens, judge),
             [Verdict::Fail, Verdict::Inconclusive]
         );
     }
