@@ -252,11 +252,9 @@ const ALOFT_M: f64 = 10.0;
 /// The oldest 4000 by which a 3002 is judged: between older ones a vehicle may have landed.
 const FLIES_FOR: Duration = Duration::from_millis(1_500);
 
-/// What 4000 shows of the flight of one vehicle.
+/// What 4000 shows of the flight of one vehicle at one socket.
 #[derive(Default)]
 struct Flying {
-    /// The lowest altitude of each Altitude Type, m.
-    lowest: BTreeMap<i64, f64>,
     /// Successive 4000s in flight.
     count: u32,
     at: Duration,
@@ -264,13 +262,15 @@ struct Flying {
 
 /// UA State 1 to 4 are states before a launch, so they contradict a report of flight.
 fn no_ground_state_in_flight(view: &View<'_>, found: &mut Found) {
+    // The lowest altitude of each vehicle and Altitude Type, m: at all sockets, since one may be opened in flight.
+    let mut lowest: BTreeMap<(u32, i64), f64> = BTreeMap::new();
     let mut flying: BTreeMap<Ends, Flying> = BTreeMap::new();
     for seen in view.in_order() {
         match seen.kind() {
             4000 => {
                 let Some(fix) = Fix::of(seen) else { continue };
                 let flying = flying.entry(ends(seen)).or_default();
-                let lowest = flying.lowest.entry(fix.altitude_type);
+                let lowest = lowest.entry((seen.piece.source.0, fix.altitude_type));
                 let lowest = lowest.or_insert(fix.altitude);
                 *lowest = fix.altitude.min(*lowest);
                 let flies = fix.north.hypot(fix.east) > 3.0 && fix.altitude > *lowest + ALOFT_M;
@@ -752,6 +752,32 @@ mod tests {
         assert_eq!(judged(30.0, 200), [Verdict::Fail; 2]);
         assert_eq!(judged(2.0, 200), [Verdict::Inconclusive; 2]);
         assert_eq!(judged(30.0, 60_000), [Verdict::Inconclusive; 2]);
+    }
+
+    #[test]
+    fn a_socket_that_is_opened_in_flight_sees_flight() {
+        use crate::passive::view::trace::received;
+        let at_socket = |socket: usize, one: &Datagram| {
+            let (time, ends) = ((one.at, one.wall), (one.local, one.remote));
+            Datagram::new(time, one.direction, socket, ends, one.bytes.clone(), None)
+        };
+        let moves = |at_ms: u64, altitude: f64| {
+            let draft = position(at_ms, false).set("Altitude", altitude);
+            received(at_ms, draft.set("U_Speed", 30.0))
+        };
+        let mut run = vec![moves(0, 500.0)];
+        let mut later: Vec<_> = (2..8).map(|step| moves(step * 500, 600.0)).collect();
+        later.push(received(3_600, Draft::new(3002).raw("UA State", 3)));
+        run.extend(later.iter().map(|one| at_socket(1, one)));
+        assert_eq!(both(&run, no_ground_state_in_flight), [Verdict::Fail; 2]);
+        // What one socket sees of flight is not counted with what another one sees.
+        let apart = later.iter().enumerate();
+        let apart = apart.map(|(place, one)| at_socket(place % 2, one));
+        let apart: Vec<_> = run[..1].iter().cloned().chain(apart).collect();
+        assert_eq!(
+            both(&apart, no_ground_state_in_flight),
+            [Verdict::Inconclusive; 2]
+        );
     }
 
     #[test]
