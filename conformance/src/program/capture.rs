@@ -235,8 +235,11 @@ impl Recording {
             };
             datagrams.iter().filter(concerns).cloned().collect()
         };
-        let several = judged.len() > 1;
-        let parts = judged.iter().filter(|_| several).map(of).collect();
+        let parts = if judged.len() > 1 {
+            judged.iter().map(of).collect()
+        } else {
+            Vec::new()
+        };
         Self {
             vsms,
             datagrams,
