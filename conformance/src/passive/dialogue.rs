@@ -56,7 +56,9 @@ pub(super) const JUDGES: &[Judge] = &[
 const OLDER_MS: i64 = 600_000;
 
 /// How often a message was sent, and its contents, by source, type and time stamp.
-type Sent = BTreeMap<(u32, i64, i64), (usize, BTreeSet<Vec<u8>>)>;
+type Sent = BTreeMap<Key, (usize, BTreeSet<Vec<u8>>)>;
+/// Whose message it is, its id, and its Time Stamp.
+type Key = (u32, i64, i64);
 
 /// What each CUCS sent, by source, type and time stamp: how often, and with how many contents.
 fn sent(view: &View<'_>) -> Sent {
@@ -157,7 +159,7 @@ fn acknowledgements_name_what_was_sent(view: &View<'_>, found: &mut Found) {
 fn a_command_ends_once(view: &View<'_>, found: &mut Found) {
     let sent = sent(view);
     // By vehicle: what is for everybody is ended by each of them.
-    let mut ends: BTreeMap<(u32, (u32, i64, i64)), Vec<i64>> = BTreeMap::new();
+    let mut ends: BTreeMap<(u32, Key), Vec<i64>> = BTreeMap::new();
     for seen in view.once().filter(|seen| seen.kind() == 17000) {
         let (Some(kind), Some(stamp), Some(step)) = (
             seen.raw("Original Message Type"),

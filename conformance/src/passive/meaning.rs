@@ -162,10 +162,15 @@ fn heartbeat_at_1_hz(view: &View<'_>, found: &mut Found) {
     }
 }
 
+/// A CUCS, and the socket at which it receives.
+type Receiver = (u32, usize);
+/// Whose alert it is, and its number without the sign.
+type Alert = (u32, i64);
+
 fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
     // By receiver: each CUCS is sent every alert in messages of its own. And by sender: each vehicle counts its own.
-    let mut open: BTreeMap<(u32, usize), BTreeSet<(u32, i64)>> = BTreeMap::new();
-    let mut first: BTreeMap<((u32, usize), (u32, i64)), Vec<u8>> = BTreeMap::new();
+    let mut open: BTreeMap<Receiver, BTreeSet<Alert>> = BTreeMap::new();
+    let mut first: BTreeMap<(Receiver, Alert), Vec<u8>> = BTreeMap::new();
     let mut parts = BTreeSet::new();
     let mut ever = BTreeSet::new();
     // A CUCS without levels is sent no updates of an alert: when it connects again, an active alert is new to it.
@@ -180,7 +185,7 @@ fn first_alert_negative_update_positive(view: &View<'_>, found: &mut Found) {
             let receiver = (connected.piece.source.0, connected.socket);
             open.remove(&receiver);
             first.retain(|known, _| known.0 != receiver);
-            parts.retain(|known: &((u32, usize), (u32, i64), i64)| known.0 != receiver);
+            parts.retain(|known: &(Receiver, Alert, i64)| known.0 != receiver);
         }
         let Some(id) = seen.raw("Alert (Warning) ID") else {
             continue;
