@@ -549,7 +549,7 @@ mod tests {
         }
         assert_eq!(stamped(&back), [Verdict::Fail; 2]);
         let third: Vec<i64> = (0..40)
-            .map(|step| 10_000 + step * 100 - if step % 3 == 0 { 700 } else { 0 })
+            .map(|step| 10_000 + step * 100 - if step % 3 == 0 { 750 } else { 0 })
             .collect();
         assert_eq!(stamped(&third), [Verdict::Fail; 2]);
         // The 40 bits are used up.
