@@ -95,10 +95,18 @@ pub(crate) struct Origin {
     pub(crate) message_type: u16,
     pub(crate) stamp: Option<TimeStamp>,
     pub(crate) ack_requested: bool,
-    /// The serial number of a held command: its answer is passed to the held machine.
-    pub(crate) held: Option<u32>,
+    /// The held command that it comes from: its answer is passed to the held machine.
+    pub(crate) held: Option<HeldOrigin>,
     /// It continues the previous command of the same station.
     pub(crate) continues: Option<Continues>,
+}
+
+/// A held command (50020), as the origin of the command in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct HeldOrigin {
+    pub(crate) serial: u32,
+    /// Hold Kind 1: it is carried out while nobody controls the vehicle.
+    pub(crate) contingency: bool,
 }
 
 /// How a command continues the one before it: Edition 2.5 commands a mode (#42) and its values (#43) by two messages, which a
@@ -206,6 +214,15 @@ impl Context<'_> {
     pub(crate) fn asker(&self, index: usize) -> Option<Asker> {
         let station = self.stations.get(index)?;
         Some(station.asker(self.id()))
+    }
+
+    /// Whether a command may still be carried out after a change of control: its sender controls the vehicle, or nobody does
+    /// and it is a held contingency, which was given for that.
+    pub(crate) fn keeps_right(&self, origin: Origin) -> bool {
+        match self.controller {
+            Some(id) => self.asker(origin.station).is_some_and(|one| one.id == id),
+            None => origin.held.is_some_and(|held| held.contingency),
+        }
     }
 
     /// The station as the sender of the message that is handled now.

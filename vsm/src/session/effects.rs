@@ -26,7 +26,7 @@ use stanag_msgs::messages::{
 use stanag_msgs::{Id, Message, TimeStamp, ed25};
 
 use super::alerts::{Alerts, Cause, Raised};
-use super::context::Origin;
+use super::context::{HeldOrigin, Origin};
 use super::counters::Counters;
 use super::duplicates::Remembered;
 use super::link::services::Services;
@@ -97,12 +97,11 @@ pub(crate) enum Request {
     /// To mission: refuse the mode command that waits for its route, for this reason. `without_right`: only if its sender
     /// does not control the vehicle.
     DropWaitingCommand { why: String, without_right: bool },
-    /// To the router: carry out a held command as if it arrived now. `contingency`: also for a CUCS that has lost control,
-    /// if nobody has it.
+    /// To the router: carry out a held command as if it arrived now; a contingency also for a CUCS that has lost control, if
+    /// nobody has it.
     CarryOut {
         origin: Origin,
         message: Box<Message>,
-        contingency: bool,
     },
     /// To held: the answer to a held command, and the reason.
     HeldEnded {
@@ -591,7 +590,7 @@ impl Effects<'_> {
 
     /// Passes the answer of a held command to the held machine, which answers its 50020. Returns false for other commands.
     fn answer_held(&mut self, origin: &Origin, answer: AckType, why: Option<&str>) -> bool {
-        let Some(serial) = origin.held else {
+        let Some(HeldOrigin { serial, .. }) = origin.held else {
             return false;
         };
         let why = why.map(str::to_owned);

@@ -5,11 +5,11 @@ use kit::bridge::{Rig, Setup, Ticket, cucs, orders, vehicle_id};
 use px4_sim::{HealthFaults, Mode as Px4, Param};
 use stanag_msgs::enums::{
     AckType, FlightPathControlMode as Mode, FtState, HeldState, HoldCondition, HoldKind, LoiBitmap,
-    RequestedAccess,
+    RequestedAccess, RouteType,
 };
 use stanag_msgs::messages::{
     CucsAuthorisationRequest, FlightTerminationCommand, GenericInformationRequestMessage,
-    HeldCommandCancel, HeldCommandState, HoldCommand, UaStickCommand, ZeroizeCommand,
+    HeldCommandCancel, HeldCommandState, HoldCommand, UaRoute, UaStickCommand, ZeroizeCommand,
 };
 use stanag_msgs::{Bam32, MAX_DATAGRAM, Message, Text, TimeStamp};
 
@@ -487,6 +487,63 @@ fn a_contingency_is_flown_for_a_cucs_that_is_lost() {
     );
     rig.run(2.0);
     assert_eq!(states(&rig, 1, 1).last(), Some(&HeldState::CarriedOut));
+}
+
+/// In flight on its route, by a station whose loss has a contingency route that is stored and not aboard; station 1 listens.
+fn on_a_route_with_another_for_the_loss() -> Rig {
+    let mut rig = Rig::ready_with(Setup {
+        tables: "[authority]\non_loss = \"continue\"\n",
+        ..two_stations()
+    });
+    let listen = request(RequestedAccess::Request, LoiBitmap::LOI2);
+    let listens = rig.send_as(1, 0, listen);
+    assert_eq!(rig.end_as(1, listens), DONE);
+    rig.send_plan(orders::square());
+    let route = UaRoute {
+        route_id: Some(Text::new("CA")),
+        route_type: Some(RouteType::ContingencyA),
+        ..orders::route(7)
+    };
+    rig.send_plan(vec![
+        route.into(),
+        orders::waypoint(7, 8, 60.0, 0.0, 30.0).into(),
+        orders::waypoint(8, 0, 60.0, 50.0, 30.0).into(),
+    ]);
+    rig.done(orders::load());
+    rig.take_off(20.0);
+    rig.done(orders::mode(Mode::Waypoint));
+    rig.stations[0].heartbeats = true;
+    rig.run(2.0);
+    let lost = hold(1, HoldCondition::LinkLost, orders::mode(Mode::ContingencyA));
+    held(&mut rig, contingency(lost));
+    rig
+}
+
+/// The loss may be seen first when a datagram of the vehicle arrives, or when a timer is due.
+#[test]
+fn a_contingency_whose_route_is_uploaded_first_is_flown_for_a_cucs_that_is_lost() {
+    for by_timer in [false, true] {
+        let mut rig = on_a_route_with_another_for_the_loss();
+        rig.stations[0].heartbeats = false;
+        let offered = "another may take control";
+        assert!(rig.until(20.0, |rig| rig.stations[1].has_alert(offered)));
+        rig.run(4.0);
+        rig.mav.faults.loss = if by_timer { 1.0 } else { 0.0 };
+        assert!(rig.until(5.0, |rig| rig.stations[1].has_alert("is lost")));
+        rig.mav.faults.loss = 0.0;
+        let carried_out = |rig: &Rig| states(rig, 1, 1).last() == Some(&HeldState::CarriedOut);
+        let alerts = |rig: &Rig| rig.stations[1].alerts();
+        assert!(rig.until(30.0, carried_out), "{:?}", alerts(&rig));
+        let expected = [
+            HeldState::Waiting,
+            HeldState::BeingCarriedOut,
+            HeldState::CarriedOut,
+        ];
+        assert_eq!(states(&rig, 1, 1), expected);
+        assert_eq!(rig.truth().mode, Px4::Mission);
+        let announced = "nobody controls the vehicle: held command 1 is carried out";
+        assert!(rig.stations[1].has_alert(announced), "{:?}", alerts(&rig));
+    }
 }
 
 #[test]

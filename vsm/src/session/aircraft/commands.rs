@@ -107,7 +107,6 @@ impl Aircraft {
         dli: &mut DliEffects<'_>,
         origin: Origin,
         message: &Message,
-        contingency: bool,
     ) {
         // It would be fresh neither by its own Time Stamp nor by its station's clock.
         if is_never_held(message) {
@@ -116,6 +115,7 @@ impl Aircraft {
         let rights = self.authority.rights();
         let cucs = dli.stations.get(origin.station).map(GroundStation::id);
         let held = |right| cucs.is_some_and(|cucs| rights.holds(cucs, right));
+        let contingency = origin.held.is_some_and(|held| held.contingency);
         let nobody_controls = rights.controller().is_none();
         match self.right_for(message) {
             Some(right) if held(right) || (contingency && nobody_controls) => {

@@ -57,11 +57,9 @@ impl Aircraft {
                     let input = mission::Input::DropWaitingCommand { why, without_right };
                     self.mission(dli, input);
                 }
-                Request::CarryOut {
-                    origin,
-                    message,
-                    contingency,
-                } => self.carry_out_held(dli, origin, &message, contingency),
+                Request::CarryOut { origin, message } => {
+                    self.carry_out_held(dli, origin, &message);
+                }
                 Request::HeldEnded {
                     serial,
                     answer,

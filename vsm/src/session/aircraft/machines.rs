@@ -24,13 +24,16 @@ impl Aircraft {
     ) -> AckType {
         let (vehicle, on_loss) = (&self.vehicle, self.settings.authority.on_loss);
         let mission = self.mission.view(vehicle, &self.services);
+        let steering = self.flight.steers(&vehicle.telemetry);
+        let controller = self.authority.controller();
         let context = authority::Context {
             common: context!(self, dli),
             mission,
-            steering: self.flight.steers(&vehicle.telemetry),
+            steering,
             other: self.flight.other(vehicle, dli.now.mono),
             contingency_first: self.flight.contingency_first(on_loss, vehicle),
             shows_loss_action: self.flight.shows_loss_action(on_loss, vehicle, &mission),
+            held_for_loss: controller.and_then(|id| self.held.flown_for_loss_of(id, steering)),
         };
         self.authority.handle(&context, input, effects!(self, dli))
     }

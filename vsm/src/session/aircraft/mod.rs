@@ -149,7 +149,7 @@ impl Aircraft {
         self.terminate(dli, termination::Input::Watch);
         // After all received frames are delivered: they may have ended the load or the launch that a handover waits for.
         self.mission(dli, mission::Input::WatchProgress);
-        self.held(dli, held::Input::Watch);
+        self.watch_held(dli);
         self.authority(dli, authority::Input::Settle);
         self.run_until_idle(dli);
         self.watch_soon(dli.now.mono);
@@ -193,8 +193,7 @@ impl Aircraft {
         self.terminate(dli, termination::Input::Watch);
         self.authority(dli, authority::Input::WatchSilence);
         // At once: the loss of the controller is flown in this call, not at the next timeout.
-        self.deliver_requests(dli);
-        self.held(dli, held::Input::Watch);
+        self.watch_held(dli);
         self.flight(dli, flight::Input::WatchLossAction);
         self.run_until_idle(dli);
         self.observe(dli, reports::Input::WatchModes);
@@ -263,7 +262,7 @@ impl Aircraft {
         }
         self.authority(dli, authority::Input::Stored);
         self.terminate(dli, termination::Input::Watch);
-        self.held(dli, held::Input::Watch);
+        self.watch_held(dli);
         self.run_until_idle(dli);
     }
 
@@ -350,6 +349,13 @@ impl Aircraft {
                 return;
             }
         }
+    }
+
+    /// Begins held commands that are due, after each machine has what the authority has decided: the end of control ends
+    /// commands and may lead to a loss action, before one that is for that loss is begun.
+    fn watch_held(&mut self, dli: &mut DliEffects<'_>) {
+        self.deliver_requests(dli);
+        self.held(dli, held::Input::Watch);
     }
 
     fn watch_soon(&mut self, now: Duration) {

@@ -122,6 +122,8 @@ pub(crate) struct Context<'a> {
     pub(crate) contingency_first: bool,
     /// The vehicle already flies what would be commanded for a lost controller.
     pub(crate) shows_loss_action: bool,
+    /// The number of the held command that the vehicle is moved by once the controller is lost.
+    pub(crate) held_for_loss: Option<u16>,
 }
 
 context::deref_to_common!(Context);

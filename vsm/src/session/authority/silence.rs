@@ -112,17 +112,21 @@ impl AuthorityMachine {
 fn what_follows(context: &Context<'_>) -> String {
     let on_loss = context.settings.authority.on_loss;
     let telemetry = &context.vehicle.telemetry;
+    let interrupts = on_loss != OnLoss::Continue;
+    // Every other loss action goes before a held command.
+    let held = context.held_for_loss.filter(|_| !interrupts);
     if context.termination.holds {
         return "a flight termination is commanded: no other command is sent".to_owned();
     }
     if !context.vehicle.live() {
         return match on_loss {
-            OnLoss::Continue => "no data from the vehicle either",
+            OnLoss::Continue if held.is_none() => "no data from the vehicle either",
             _ => "no data from the vehicle either, it is commanded once its link is restored",
         }
         .to_owned();
     }
-    if telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND) {
+    let on_ground = telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
+    if on_ground && held.is_none() {
         return "vehicle is on the ground, nothing is commanded".to_owned();
     }
     let mission = &context.mission;
@@ -130,7 +134,6 @@ fn what_follows(context: &Context<'_>) -> String {
         .plan
         .route_of_type(RouteType::ContingencyA)
         .is_some();
-    let interrupts = on_loss != OnLoss::Continue;
     if interrupts && mission.is_on_final(telemetry) {
         return "vehicle is on its final approach, which it completes".to_owned();
     }
@@ -138,17 +141,21 @@ fn what_follows(context: &Context<'_>) -> String {
         return "nothing is commanded before it is known whether the vehicle is on its final approach"
             .to_owned();
     }
-    if let (true, Some(mode)) = (context.shows_loss_action, telemetry.mode) {
+    if let (true, Some(mode), None) = (context.shows_loss_action, telemetry.mode, held) {
         return format!(
             "vehicle is in {} already, nothing is commanded",
             mode.name()
         );
     }
-    if interrupts || context.steering {
+    if interrupts || context.steering || held.is_some() {
         match context.other {
             Some(other @ Other::Pilot(_)) => return format!("{other}; nothing is commanded"),
             Some(other) if other.may_stay() => {
                 return format!("{other}; nothing is commanded before it ends, for 30 s at most");
+            }
+            // A held command does not wait for its end: it is refused.
+            Some(other) if !(interrupts || context.steering) => {
+                return format!("{other}; nothing is commanded");
             }
             Some(other) => return format!("{other}; nothing is commanded before it ends"),
             None => {}
@@ -156,6 +163,13 @@ fn what_follows(context: &Context<'_>) -> String {
     }
     if context.contingency_first {
         return "a contingency of the vehicle goes first, see its alert".to_owned();
+    }
+    if let Some(number) = held {
+        return if context.steering {
+            format!("steering stopped; commanding hold, then held command {number}")
+        } else {
+            format!("held command {number} is carried out")
+        };
     }
     match on_loss {
         // A vehicle that was steered (mode 15) would fly straight on: it is put on hold even if no loss action is
@@ -185,8 +199,12 @@ mod tests {
     use crate::session::testing::World;
 
     fn announced(world: &mut World, other: Option<Other>) -> String {
-        let shown = world.vehicle.telemetry.mode == Some(Px4Mode::RTL);
         world.settings.authority.on_loss = OnLoss::Rtl;
+        follows(world, other, None)
+    }
+
+    fn follows(world: &mut World, other: Option<Other>, held_for_loss: Option<u16>) -> String {
+        let shown = world.vehicle.telemetry.mode == Some(Px4Mode::RTL);
         world.act(|common, views, _| {
             what_follows(&Context {
                 common,
@@ -195,8 +213,23 @@ mod tests {
                 other,
                 contingency_first: false,
                 shows_loss_action: shown,
+                held_for_loss,
             })
         })
+    }
+
+    #[test]
+    fn a_held_command_is_announced_where_nothing_else_is_flown() {
+        let mut world = World::airborne(Px4Mode::MISSION);
+        let text = follows(&mut world, None, None);
+        assert_eq!(text, "vehicle continues in its current mode");
+        let text = follows(&mut world, None, Some(3));
+        assert_eq!(text, "held command 3 is carried out");
+        let pilot = Some(Other::Pilot(Px4Mode::POSCTL));
+        assert!(follows(&mut world, pilot, Some(3)).ends_with("nothing is commanded"));
+        world.settings.authority.on_loss = OnLoss::Rtl;
+        let text = follows(&mut world, None, Some(3));
+        assert_eq!(text, "commanding return");
     }
 
     #[test]

@@ -36,6 +36,7 @@ fn handle(world: &mut World, machine: &mut AuthorityMachine, input: Input<'_>) -
             other: None,
             contingency_first: false,
             shows_loss_action: false,
+            held_for_loss: None,
         };
         machine.handle(&context, input, effects)
     })

@@ -350,6 +350,16 @@ impl Flight {
                     self.steers(&context.vehicle.telemetry) || self.loss_action.is_active();
                 self.contingencies.controller_lost(effects);
                 self.loss_action.begin(on_loss, steered, context.mono());
+                if self.loss_action.is_active() {
+                    // A held contingency keeps its right without a controller, but not before the loss action.
+                    self.end_running(context, LOST, |origin| origin.is_some(), effects);
+                    if context.mission.waiting_command().flatten().is_some() {
+                        effects.request(Request::DropWaitingCommand {
+                            why: LOST.to_owned(),
+                            without_right: false,
+                        });
+                    }
+                }
                 self.fly_by_itself(context, effects);
             }
             Input::YieldToTermination => {
@@ -851,4 +861,5 @@ fn select(mode: Mode) -> VehicleOperatingModeCommand {
 }
 
 const TERMINATING: &str = "a flight termination is commanded";
+const LOST: &str = "its CUCS is lost, and the loss action (authority.on_loss) goes first";
 const SILENT: &str = "no data from the vehicle: no command can be confirmed";

@@ -198,11 +198,8 @@ impl Flight {
             Some(id) => format!("{id} controls the vehicle now"),
             None => "its sender no longer controls the vehicle, nobody does".to_owned(),
         };
-        let without_right = |origin: Option<Origin>| {
-            origin.is_some_and(|origin| {
-                context.asker(origin.station).map(|asker| asker.id) != controller
-            })
-        };
+        let without_right =
+            |origin: Option<Origin>| origin.is_some_and(|origin| !context.keeps_right(origin));
         self.end_running(context, &why, without_right, effects);
         if context.mission.waiting_command().is_some() {
             effects.request(Request::DropWaitingCommand {

@@ -11,7 +11,7 @@ use stanag_msgs::scalar::{Bam16, Scaled};
 
 use super::*;
 use crate::config::OnLoss;
-use crate::session::context::Continues;
+use crate::session::context::{Continues, HeldOrigin};
 use crate::session::mission::record::UploadedMission;
 use crate::session::other::Other;
 use crate::session::testing::{World, acknowledgements, origin};
@@ -524,6 +524,36 @@ fn the_loss_of_the_controller_is_flown_home_where_the_hold_is_refused_twice() {
     world.show_mode(Px4Mode::RTL);
     handle(&mut world, &mut flight, Input::WatchLossAction);
     assert!(!flight.view().loss_action && flight.poll_timeout().is_none());
+}
+
+#[test]
+fn what_a_held_contingency_has_begun_outlives_control_but_not_a_loss_action() {
+    for (contingency, on_loss, kept) in [
+        (true, OnLoss::Continue, true),
+        (false, OnLoss::Continue, false),
+        (true, OnLoss::Rtl, false),
+    ] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::MISSION), Flight::default());
+        world.settings.authority.on_loss = on_loss;
+        let message: Message = select(Mode::Loiter).into();
+        let held = Some(HeldOrigin {
+            serial: 1,
+            contingency,
+        });
+        let origin = Origin {
+            held,
+            ..origin(&message)
+        };
+        let message = &message;
+        handle(&mut world, &mut flight, Input::Command { origin, message });
+        assert!(flight.view().maneuver);
+        world.requests.clear();
+        world.controller = None;
+        handle(&mut world, &mut flight, Input::ControlChanged);
+        handle(&mut world, &mut flight, Input::ControllerLost);
+        let ended = |request: &Request| matches!(request, Request::HeldEnded { .. });
+        assert_eq!(!world.requests.iter().any(ended), kept, "{on_loss:?}");
+    }
 }
 
 #[test]

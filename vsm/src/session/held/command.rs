@@ -233,7 +233,7 @@ fn check_link_lost(
             "condition 6 (link lost) ends the control of its CUCS: it needs Hold Kind 1".to_owned(),
         );
     }
-    if moves(message) && context.settings.authority.on_loss != OnLoss::Continue {
+    if moves(message.id()) && context.settings.authority.on_loss != OnLoss::Continue {
         return Err(
             "authority.on_loss is flown when its CUCS is lost: set it to \"continue\" to use a held command instead".to_owned(),
         );

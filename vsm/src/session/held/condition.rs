@@ -189,9 +189,11 @@ impl Condition {
                 // A single report that the next one does not confirm is ignored.
                 met(now >= *since.get_or_insert(now) + BATTERY_LASTS)
             }
+            // Silence alone does not meet it: until its control has ended, the end of that control would end what is begun.
             Condition::LinkLost => {
                 let limits = &context.settings.authority;
-                met(owner.silence(now, limits) == Silence::Lost)
+                let commands = context.rights.commands(owner.id());
+                met(!commands && owner.silence(now, limits) == Silence::Lost)
             }
             Condition::Done { .. } => Look::Waits,
         }

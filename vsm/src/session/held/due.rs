@@ -12,7 +12,7 @@ use super::others::{flown_from_here, holds_first, moves, undisturbed};
 use super::record::{Entry, State};
 use super::{Held, Storing, report, right_for};
 use crate::session::authority::{rules::Rights, rules::Stations};
-use crate::session::context::Origin;
+use crate::session::context::{HeldOrigin, Origin};
 use crate::session::effects::{Effects, Request};
 
 impl Held {
@@ -103,7 +103,7 @@ impl Held {
             Look::Met if !context.vehicle.live() => false,
             // The command is for this loss: the hold of a steered vehicle comes first, as does a PX4 failsafe that may only
             // hold.
-            Look::Met if self.is_for_loss(index) && moves(&message) && holds_first(context) => {
+            Look::Met if self.is_for_loss(index) && moves(message.id()) && holds_first(context) => {
                 false
             }
             Look::Met => {
@@ -210,11 +210,13 @@ impl Held {
                 message_type: entry.message_type,
                 // The acknowledgement was requested for the 50020, and the 50020 has had its own.
                 ack_requested: false,
-                held: Some(entry.serial),
+                held: Some(HeldOrigin {
+                    serial: entry.serial,
+                    contingency: entry.contingency,
+                }),
                 ..entry.origin(station)
             },
             message: Box::new(message),
-            contingency: entry.contingency,
         });
     }
 }

@@ -37,8 +37,9 @@ use mavlink_link::store::{Changes, Store as _, StoreError};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LoiBitmap};
 use stanag_msgs::{Id, Message, table};
 
-use self::condition::wall_ms;
+use self::condition::{Condition, wall_ms};
 pub(crate) use self::input::{Context, Input};
+use self::others::moves;
 use self::record::{Entry, Record, State};
 use super::alerts::Cause;
 use super::authority;
@@ -132,6 +133,20 @@ impl Held {
         for entry in &mut self.entries {
             entry.condition.note_stop(stopped);
         }
+    }
+
+    /// The number of the held command that moves the vehicle once `owner` is lost: one that waits for that, or a contingency
+    /// that is being carried out. `steered`: the vehicle is put on hold first, which ends the latter.
+    pub(crate) fn flown_for_loss_of(&self, owner: Id, steered: bool) -> Option<u16> {
+        let follows = |entry: &&Entry| {
+            let due = match entry.state {
+                State::Waiting => entry.condition == Condition::LinkLost,
+                State::BeingCarriedOut => !steered,
+                _ => false,
+            };
+            due && entry.contingency && Id(entry.owner) == owner && moves(entry.message_type)
+        };
+        self.entries.iter().find(follows).map(|entry| entry.number)
     }
 
     /// Whether a command waits until its start is stored.

@@ -1,17 +1,16 @@
 //! Whether a held command would take the vehicle from its pilot, a failsafe, the loss action or a contingency.
 
 use stanag_msgs::Message;
+use stanag_msgs::messages::{EngineCommand, MissionTransferCommand, VehicleOperatingModeCommand};
 
 use super::input::Context;
 use crate::session::other::Other;
 
 /// Whether a command of this kind takes the vehicle from its pilot or failsafe.
-pub(super) fn moves(message: &Message) -> bool {
+pub(super) fn moves(message_type: u16) -> bool {
     matches!(
-        message,
-        Message::VehicleOperatingModeCommand(_)
-            | Message::EngineCommand(_)
-            | Message::MissionTransferCommand(_)
+        message_type,
+        VehicleOperatingModeCommand::ID | EngineCommand::ID | MissionTransferCommand::ID
     )
 }
 
@@ -22,7 +21,7 @@ pub(super) fn undisturbed(
     message: &Message,
     for_loss: bool,
 ) -> Result<(), String> {
-    if !moves(message) {
+    if !moves(message.id()) {
         return Ok(());
     }
     if context.flight.loss_action {
@@ -42,7 +41,7 @@ pub(super) fn flown_from_here(
 ) -> Result<(), String> {
     let telemetry = &context.vehicle.telemetry;
     let armed = telemetry.armed == Some(true);
-    if !moves(message) || !(armed || telemetry.airborne()) {
+    if !moves(message.id()) || !(armed || telemetry.airborne()) {
         return Ok(());
     }
     let ends_never = for_loss && context.only_holds;

@@ -18,7 +18,7 @@ use crate::config::OnLoss;
 use crate::session::authority::rules::{
     Access, Asker, Authority, CONTROL, Circumstances, Rights, Stations,
 };
-use crate::session::context::Origin;
+use crate::session::context::{HeldOrigin, Origin};
 use crate::session::effects::Request;
 use crate::session::other::Other;
 use crate::session::testing::{CUCS, World, acknowledgements, origin};
@@ -150,14 +150,13 @@ impl Scene {
             held.handle(&context, input, effects);
         });
         while let Some(request) = self.world.requests.pop_front() {
-            let Request::CarryOut {
-                origin,
-                contingency,
-                ..
-            } = request
-            else {
+            let Request::CarryOut { origin, .. } = request else {
                 continue;
             };
+            let HeldOrigin {
+                serial,
+                contingency,
+            } = origin.held.expect("a held command");
             let stamp = origin.stamp.expect("the stamp of its 50020").0;
             let given = self.given.get_mut(&stamp).expect("it was acknowledged");
             given.carried_out += 1;
@@ -174,7 +173,7 @@ impl Scene {
                 controls == Some(CUCS) || (contingency && controls.is_none()),
                 "without the right: {controls:?}"
             );
-            self.running.extend(origin.held);
+            self.running.push(serial);
         }
     }
 
@@ -429,6 +428,20 @@ fn a_contingency_of_a_lost_cucs_waits_for_a_failsafe_that_may_only_hold_and_for_
     assert_eq!(count(&mut scene), 0);
     scene.loss_action = false;
     assert_eq!(count(&mut scene), 1);
+}
+
+/// The end of its control would end what was begun before it, and so is waited for.
+#[test]
+fn a_contingency_of_a_lost_cucs_waits_for_the_end_of_its_control() {
+    let (mut scene, count) = for_loss();
+    scene.control(1);
+    let announced = |scene: &Scene, steered| scene.held.flown_for_loss_of(CUCS, steered);
+    assert_eq!(count(&mut scene), 0, "it is silent, and still in control");
+    assert_eq!(announced(&scene, true), Some(1));
+    scene.control(0);
+    assert_eq!(count(&mut scene), 1);
+    assert_eq!(announced(&scene, false), Some(1), "it is being carried out");
+    assert_eq!(announced(&scene, true), None, "the hold ends it");
 }
 
 #[test]

@@ -240,9 +240,8 @@ impl Transfers {
         effects: &mut Effects<'_>,
     ) {
         let drops = |(origin, _): &mut (Option<Origin>, _)| {
-            let sender = |origin: Origin| context.asker(origin.station).map(|asker| asker.id);
             // A command of the VSM itself, such as the loss action, needs no right.
-            !without_right || origin.is_some_and(|origin| sender(origin) != context.controller)
+            !without_right || origin.is_some_and(|origin| !context.keeps_right(origin))
         };
         let waiting = self.load.as_mut().map(|load| &mut load.then);
         if let Some((origin, _)) = waiting.and_then(|then| then.take_if(drops)) {
