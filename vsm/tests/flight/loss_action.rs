@@ -90,6 +90,30 @@ fn a_contingency_route_that_cannot_be_flown_gives_way_to_the_return() {
 }
 
 #[test]
+fn a_contingency_that_a_restart_cuts_off_is_reported_and_gives_way_to_the_return() {
+    // Its upload is refused, and tried again two seconds later: the restart comes in between, and the vehicle holds.
+    let mut rig = abandoned(
+        "[authority]\non_loss = \"contingency\"\n",
+        contingency(20_000.0),
+    );
+    assert!(rig.until(40.0, has_alert_with("is lost")));
+    rig.run(1.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    rig.restart_bridge();
+    let returns = rig.until(30.0, |rig| rig.truth().mode == Px4::Rtl);
+    rig.run(3.0);
+    let alerts = rig.stations[1].alerts();
+    assert!(returns, "{alerts:?}");
+    for text in [
+        "the loss action (fly contingency A) was cut off by a restart of the VSM",
+        "does not fly contingency A: commanding return",
+        "the vehicle carries out the loss action",
+    ] {
+        assert!(rig.stations[1].has_alert(text), "{text}: {alerts:?}");
+    }
+}
+
+#[test]
 fn a_vehicle_that_is_silent_at_the_loss_is_brought_home_when_the_link_is_back() {
     let mut rig = abandoned("[authority]\non_loss = \"rtl\"\n", Vec::new());
     rig.run(4.0);

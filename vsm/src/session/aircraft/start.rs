@@ -79,8 +79,12 @@ impl Aircraft {
             .restore(&context!(self, dli), effects!(self, dli))?;
         self.mission.restore(effects!(self, dli))?;
         self.flight.restore(effects!(self, dli))?;
-        if self.held.restore(effects!(self, dli))? {
+        let cut_off = self.held.restore(effects!(self, dli))?;
+        if cut_off.launch {
             self.flight.cut_off_launch();
+        }
+        if let Some(number) = cut_off.contingency {
+            self.flight.cut_off_held(number);
         }
         // The addresses of listeners are not known yet: `show_standing` follows.
         let listeners = std::mem::take(&mut self.listeners);
@@ -99,6 +103,8 @@ impl Aircraft {
                 "MAVLink signing is off: anyone in range of the link can command this vehicle",
             );
         }
+        let controlled = self.authority.controller().is_some();
+        self.flight.report_cut_off(controlled, effects);
         self.listeners = listeners;
         Ok(known)
     }

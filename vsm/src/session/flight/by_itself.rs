@@ -230,9 +230,9 @@ impl Flight {
             .map(|since| since + ITEM_WITHIN)
     }
 
-    fn fly_loss_action(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+    fn loss_context(&self, context: &Context<'_>) -> LossContext {
         let telemetry = &context.vehicle.telemetry;
-        let loss = LossContext {
+        LossContext {
             now: context.mono(),
             live: context.vehicle.live(),
             on_ground: telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND),
@@ -246,7 +246,22 @@ impl Flight {
             on_final: context.mission.is_on_final(telemetry) || self.item_is_unknown(context),
             may_change_mission: context.mission.may_change.is_ok(),
             other: self.other(context.vehicle, context.mono()),
-        };
+        }
+    }
+
+    /// Decides on a loss action that a restart has cut off.
+    pub(super) fn watch_cut_off_loss(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        if !self.loss_action.is_cut_off() {
+            return;
+        }
+        let mut loss = self.loss_context(context);
+        // On the ground PX4 may be in AUTO.LOITER too.
+        loss.live &= context.vehicle.telemetry.landed.is_some();
+        self.loss_action.watch_cut_off(&loss, effects);
+    }
+
+    fn fly_loss_action(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let loss = self.loss_context(context);
         match self.loss_action.poll(&loss, effects) {
             None => {}
             Some(Action::Hold) => {

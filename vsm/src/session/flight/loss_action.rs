@@ -9,6 +9,10 @@
 //! the vehicle and must not lose it to a mode that nobody commands. While PX4 flies a failsafe the action waits for its end,
 //! but only for a limited time if the failsafe merely holds (`by_itself`).
 //!
+//! What is being tried is on disk. A restart does not begin it again: a CUCS, a pilot or a failsafe may have the vehicle since.
+//! An emergency reports it until somebody decides, and only a vehicle that still holds, as it is put on hold for the upload of
+//! its route, is commanded what follows where the action is refused: AUTO.RTL.
+//!
 //! ```text
 //! idle --begin--> trying(action, n) --shown / on the ground / controlled / a pilot's--> idle
 //!                     |  n = MAX_TRIES
@@ -18,6 +22,8 @@
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
+use mavlink_link::store::{Store as _, StoreError};
+use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 use crate::config::OnLoss;
@@ -25,11 +31,42 @@ use crate::session::alerts::Cause;
 use crate::session::contingency::priority::Urgency;
 use crate::session::effects::Effects;
 use crate::session::other::Other;
+use crate::session::store::vehicle_record;
 
 /// The machine.
 #[derive(Debug, Default)]
 pub(super) struct LossAction {
     trying: Option<Trying>,
+    /// What a restart has cut off, until somebody decides.
+    cut_off: Option<CutOff>,
+    /// What the disk has of these.
+    stored: Option<Pending>,
+    /// The disk has refused it, which is reported once.
+    unsaved: bool,
+}
+
+/// What is pending while nobody controls the vehicle, as a restart finds it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+enum Pending {
+    LossAction(Action),
+    /// A held contingency, by its number: its own record keeps that it is not carried out again.
+    Held(u16),
+}
+
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Record {
+    pending: Option<Pending>,
+}
+
+vehicle_record!(Record, "loss-action", Power);
+
+#[derive(Debug, Clone, Copy)]
+struct CutOff {
+    pending: Pending,
+    /// When the vehicle first showed its mode after the restart.
+    since: Option<Duration>,
+    /// It is left as it is.
+    left: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +77,7 @@ struct Trying {
 }
 
 /// What is flown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Action {
     Hold,
     Contingency,
@@ -117,6 +154,11 @@ impl LossAction {
         self.trying.is_some()
     }
 
+    /// Whether it is to be decided on what a restart has cut off.
+    pub(super) fn is_cut_off(&self) -> bool {
+        self.cut_off.is_some()
+    }
+
     /// The urgency of the action being tried.
     pub(super) fn urgency(&self) -> Option<Urgency> {
         self.trying.map(|trying| trying.action.urgency())
@@ -124,12 +166,13 @@ impl LossAction {
 
     /// Another action of at least the same urgency is flown.
     pub(super) fn end(&mut self, why: &str, effects: &mut Effects<'_>) {
-        self.trying = None;
+        (self.trying, self.cut_off) = (None, None);
         effects.clear(Cause::LossAction, why);
     }
 
     /// The controlling CUCS was lost; `steered`: it was steering by set points.
     pub(super) fn begin(&mut self, on_loss: OnLoss, steered: bool, now: Duration) {
+        self.cut_off = None;
         self.trying = Action::of(on_loss, steered).map(|action| Trying {
             action,
             tries: 0,
@@ -218,9 +261,117 @@ impl LossAction {
         Some(action)
     }
 
+    /// Stores what is pending. An action is flown also where the disk refuses that: only a restart would not report it.
+    pub(super) fn store(&mut self, effects: &mut Effects<'_>) {
+        let tried = self.trying.map(|trying| Pending::LossAction(trying.action));
+        let pending = tried.or(self.cut_off.map(|cut_off| cut_off.pending));
+        if pending == self.stored {
+            return;
+        }
+        let vehicle = effects.id;
+        match effects.disk().save(&vehicle, &Record { pending }) {
+            Ok(()) => (self.stored, self.unsaved) = (pending, false),
+            Err(_) if self.unsaved => {}
+            Err(fault) => {
+                self.unsaved = true;
+                let text = format!(
+                    "the state of the loss action cannot be stored: {fault}; a restart of the VSM would report it wrongly"
+                );
+                effects.notify(AlertPriority::Warning, SubsystemId::VsmStatus, text);
+            }
+        }
+    }
+
+    /// Restores the record after a restart.
+    ///
+    /// # Errors
+    /// A record exists and cannot be read.
+    pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
+        let vehicle = effects.id;
+        let record = effects.disk().load::<Record>(&vehicle)?;
+        self.stored = record.and_then(|record| record.pending);
+        self.cut_off = self.stored.map(CutOff::of);
+        Ok(())
+    }
+
+    /// A restart has interrupted a held contingency of this number.
+    pub(super) fn cut_off_held(&mut self, number: u16) {
+        self.cut_off
+            .get_or_insert(CutOff::of(Pending::Held(number)));
+    }
+
+    /// Reports what a restart has cut off; `controlled`: a CUCS has control, and decides.
+    pub(super) fn report_cut_off(&mut self, controlled: bool, effects: &mut Effects<'_>) {
+        self.cut_off = self.cut_off.filter(|_| !controlled);
+        if let Some(cut_off) = self.cut_off {
+            cut_off.raise("", effects);
+        }
+    }
+
+    /// Decides on what a restart has cut off.
+    pub(super) fn watch_cut_off(&mut self, context: &LossContext, effects: &mut Effects<'_>) {
+        let Some(mut cut_off) = self.cut_off else {
+            return;
+        };
+        let action = match cut_off.pending {
+            Pending::LossAction(action) => Some(action),
+            Pending::Held(_) => None,
+        };
+        if let Some(reason) = finished(context, action.unwrap_or(Action::Return)) {
+            return self.end(reason, effects);
+        }
+        let (true, Some(mode)) = (context.live, context.mode) else {
+            return;
+        };
+        // A hold that was commanded just before the restart is shown a little later.
+        let since = *cut_off.since.get_or_insert(context.now);
+        let settles = context.now < since + SETTLES_WITHIN;
+        if let (true, Px4Mode::LOITER, Some(action)) = (settles, mode, action) {
+            self.cut_off = None;
+            // As where it was refused: the return follows, which the alert then names.
+            self.trying = Some(Trying {
+                action,
+                tries: MAX_TRIES,
+                next_at: context.now,
+            });
+            return;
+        }
+        if !settles && !cut_off.left {
+            cut_off.left = true;
+            let follows = format!(
+                "; vehicle continues in {}, nothing is commanded",
+                mode.name()
+            );
+            cut_off.raise(&follows, effects);
+        }
+        self.cut_off = Some(cut_off);
+    }
+
     /// When it must be polled next.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         self.trying.map(|trying| trying.next_at)
+    }
+}
+
+impl CutOff {
+    fn of(pending: Pending) -> CutOff {
+        CutOff {
+            pending,
+            since: None,
+            left: false,
+        }
+    }
+
+    fn raise(self, follows: &str, effects: &mut Effects<'_>) {
+        let what = match self.pending {
+            Pending::LossAction(action) => format!("the loss action ({})", name(action)),
+            Pending::Held(number) => format!("held command {number}, a contingency,"),
+        };
+        let text = format!(
+            "{what} was cut off by a restart of the VSM, and nobody controls the vehicle: take control{follows}"
+        );
+        let (priority, comms) = (AlertPriority::Emergency, SubsystemId::Comms);
+        effects.raise(Cause::LossAction, priority, comms, text);
     }
 }
 
@@ -251,6 +402,8 @@ fn name(action: Action) -> &'static str {
 
 /// Attempts of an action before the next one.
 const MAX_TRIES: u32 = 2;
+/// How long after a restart the mode of the vehicle may still follow from a command of before.
+const SETTLES_WITHIN: Duration = Duration::from_secs(5);
 /// Time between two attempts or checks.
 const RETRY_INTERVAL: Duration = Duration::from_secs(2);
 
@@ -284,6 +437,137 @@ mod tests {
         let mut machine = LossAction::default();
         machine.begin(on_loss, steered, world.now.mono);
         machine
+    }
+
+    /// Another process finds the record of an action that was begun.
+    fn cut_off(world: &mut World, on_loss: OnLoss) -> LossAction {
+        let mut before = begun(world, on_loss, false);
+        let mut after = LossAction::default();
+        world.act(|_, _, effects| {
+            before.store(effects);
+            after.restore(effects).expect("the record is read");
+            after.report_cut_off(false, effects);
+        });
+        assert!(!after.is_active());
+        after
+    }
+
+    /// What is commanded with this shown, a second apart.
+    fn commanded(
+        world: &mut World,
+        machine: &mut LossAction,
+        context: LossContext,
+        looks: u32,
+    ) -> Vec<Action> {
+        let looks = 0..looks;
+        let look = |_| {
+            let now = world.now.mono;
+            let action = world.act(|_, _, effects| {
+                let context = LossContext { now, ..context };
+                machine.watch_cut_off(&context, effects);
+                let action = machine.poll(&context, effects);
+                machine.store(effects);
+                action
+            });
+            world.advance(Duration::from_secs(1));
+            action
+        };
+        looks.filter_map(look).collect()
+    }
+
+    fn standing(world: &World) -> Vec<String> {
+        let standing = world.alerts.standing();
+        standing.map(|alert| alert.text.clone()).collect()
+    }
+
+    #[test]
+    fn what_a_restart_has_cut_off_is_reported_and_a_vehicle_that_only_holds_returns() {
+        let mut world = World::new();
+        let mut machine = cut_off(&mut world, OnLoss::Contingency);
+        let holds = LossContext {
+            mode: Some(Px4Mode::LOITER),
+            ..flying(&world)
+        };
+        let silent = LossContext {
+            live: false,
+            ..holds
+        };
+        assert_eq!(commanded(&mut world, &mut machine, silent, 30), []);
+        let texts = standing(&world);
+        assert!(
+            texts[0].starts_with("the loss action (fly contingency A) was cut off by a restart")
+        );
+        // The hold of before the restart is shown late.
+        let before = LossContext {
+            mode: Some(Px4Mode::MISSION),
+            ..holds
+        };
+        assert_eq!(commanded(&mut world, &mut machine, before, 2), []);
+        assert_eq!(
+            commanded(&mut world, &mut machine, holds, 1),
+            [Action::Return]
+        );
+        assert!(standing(&world)[0].ends_with("does not fly contingency A: commanding return"));
+        let returns = LossContext {
+            mode: Some(Px4Mode::RTL),
+            ..holds
+        };
+        assert_eq!(commanded(&mut world, &mut machine, returns, 1), []);
+        assert_eq!(standing(&world).len(), 0);
+        let mut again = LossAction::default();
+        let restored = world.act(|_, _, effects| again.restore(effects));
+        restored.expect("the record is read");
+        assert!(again.cut_off.is_none(), "it has ended");
+    }
+
+    #[test]
+    fn what_a_restart_has_cut_off_is_not_flown_in_another_mode_nor_where_a_station_controls() {
+        let mut world = World::new();
+        for mode in [Px4Mode::MISSION, Px4Mode::POSCTL] {
+            let mut machine = cut_off(&mut world, OnLoss::Contingency);
+            let elsewhere = LossContext {
+                mode: Some(mode),
+                ..flying(&world)
+            };
+            assert_eq!(commanded(&mut world, &mut machine, elsewhere, 7), []);
+            assert!(standing(&world)[0].ends_with("nothing is commanded"));
+            // Whoever puts it on hold now does not have it taken from them.
+            let holds = LossContext {
+                mode: Some(Px4Mode::LOITER),
+                ..elsewhere
+            };
+            assert_eq!(commanded(&mut world, &mut machine, holds, 7), []);
+            let taken = LossContext {
+                controlled: true,
+                ..holds
+            };
+            assert_eq!(commanded(&mut world, &mut machine, taken, 1), []);
+            assert_eq!(standing(&world).len(), 0);
+        }
+        let mut machine = cut_off(&mut world, OnLoss::Contingency);
+        let taken = LossContext {
+            mode: Some(Px4Mode::LOITER),
+            controlled: true,
+            ..flying(&world)
+        };
+        assert_eq!(commanded(&mut world, &mut machine, taken, 7), []);
+    }
+
+    #[test]
+    fn a_held_contingency_that_a_restart_has_cut_off_is_only_reported() {
+        let mut world = World::new();
+        let mut machine = LossAction::default();
+        machine.cut_off_held(3);
+        world.act(|_, _, effects| machine.report_cut_off(false, effects));
+        let holds = LossContext {
+            mode: Some(Px4Mode::LOITER),
+            ..flying(&world)
+        };
+        assert_eq!(commanded(&mut world, &mut machine, holds, 7), []);
+        assert!(standing(&world)[0].starts_with("held command 3, a contingency, was cut off"));
+        machine.cut_off_held(3);
+        world.act(|_, _, effects| machine.report_cut_off(true, effects));
+        assert!(machine.cut_off.is_none(), "who controls decides");
     }
 
     #[test]

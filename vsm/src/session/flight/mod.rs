@@ -176,6 +176,7 @@ impl Flight {
     pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         self.altimeter = settings::stored_altimeter(effects)?;
         self.contingencies.restore(effects)?;
+        self.loss_action.restore(effects)?;
         Ok(())
     }
 
@@ -188,6 +189,16 @@ impl Flight {
     /// A restart has interrupted a launch that came from a held command.
     pub(crate) fn cut_off_launch(&mut self) {
         self.launch_cut_off = true;
+    }
+
+    /// A restart has interrupted a held contingency of this number.
+    pub(crate) fn cut_off_held(&mut self, number: u16) {
+        self.loss_action.cut_off_held(number);
+    }
+
+    /// Reports a loss action or a held contingency that a restart has cut off; `controlled`: a CUCS has control, and decides.
+    pub(crate) fn report_cut_off(&mut self, controlled: bool, effects: &mut Effects<'_>) {
+        self.loss_action.report_cut_off(controlled, effects);
     }
 
     /// The state that other machines may read.
@@ -294,6 +305,12 @@ impl Flight {
         input: Input<'_>,
         effects: &mut Effects<'_>,
     ) {
+        self.take(context, input, effects);
+        // Together with what was commanded, which does not wait for the disk: the vehicle must not fly on uncontrolled meanwhile.
+        self.loss_action.store(effects);
+    }
+
+    fn take(&mut self, context: &Context<'_>, input: Input<'_>, effects: &mut Effects<'_>) {
         // On every input, also during a termination: its durations must not restart when the termination ends.
         self.watched.note(context.vehicle, context.mono());
         self.explain(context, effects);
@@ -409,7 +426,10 @@ impl Flight {
                 self.give_way(context, effects);
                 self.advance(context, effects);
             }
-            Input::WatchLossAction => self.fly_by_itself(context, effects),
+            Input::WatchLossAction => {
+                self.watch_cut_off_loss(context, effects);
+                self.fly_by_itself(context, effects);
+            }
             Input::EndCutOffLaunch => self.end_cut_off_launch(context, effects),
             Input::ListContingencies { station } => {
                 self.list_contingencies(context, station, effects);

@@ -59,6 +59,15 @@ pub(crate) struct Held {
     storing: Vec<Storing>,
 }
 
+/// What a restart has interrupted.
+#[derive(Debug, Default)]
+pub(crate) struct CutOff {
+    /// A launch.
+    pub(crate) launch: bool,
+    /// The number of a contingency that moves the vehicle.
+    pub(crate) contingency: Option<u16>,
+}
+
 /// A command that is due, while the disk stores its start.
 #[derive(Debug)]
 struct Storing {
@@ -79,20 +88,20 @@ pub(crate) fn inner(message: &Message) -> Option<Message> {
 }
 
 impl Held {
-    /// Restores the record after a restart. Returns whether the restart interrupted a launch.
+    /// Restores the record after a restart. Returns what the restart interrupted.
     ///
     /// # Errors
     /// A record exists and cannot be read.
-    pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<bool, StoreError> {
+    pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<CutOff, StoreError> {
         let (vehicle, now) = (effects.id, effects.dli.now);
         let Some(record) = effects.disk().load::<Record>(&vehicle)? else {
-            return Ok(false);
+            return Ok(CutOff::default());
         };
         // Expiry and Condition Time are kept by the wall clock: if that was set back, a command could run long after its
         // expiry.
         let behind = wall_ms(now.wall) + CLOCK_SLACK_MS < record.written_ms;
         (self.entries, self.serial) = (record.entries, record.serial);
-        let mut launched = false;
+        let mut cut_off = CutOff::default();
         for entry in &mut self.entries {
             entry.restart_clocks(now);
             let (state, why) = match entry.state {
@@ -100,12 +109,16 @@ impl Held {
                 State::Waiting if behind => (State::Cancelled, CLOCK_WENT_BACK),
                 _ => continue,
             };
-            launched |= entry.state == State::BeingCarriedOut && launches(entry);
+            if entry.state == State::BeingCarriedOut {
+                cut_off.launch |= launches(entry);
+                let moving = entry.contingency && moves(entry.message_type);
+                cut_off.contingency = moving.then_some(entry.number).or(cut_off.contingency);
+            }
             entry.state = state;
             why.clone_into(&mut entry.reason);
             self.unsaved = Some(now.mono);
         }
-        Ok(launched)
+        Ok(cut_off)
     }
 
     /// Resumes a 50020 that had no final answer when the VSM ended: it still waits, or is answered now. Returns false if the

@@ -36,6 +36,8 @@ fn one_timeout_after_the_controller_is_lost() {
             // 2: the controller is lost.
             "disk append audit-1b000101.log Power",
             "disk save authority-1b000101.json Power",
+            // 2: the action after the loss, as a restart must find it.
+            "disk save loss-action-1b000101.json Power",
             // 13: the answer to the download.
             "disk append commands-1b0000a0.log Process",
             // 2: what it still holds, that it is lost, and how the handover ended.
