@@ -147,6 +147,26 @@ fn a_route_that_has_ended_begins_again_after_a_landing_that_was_aborted() {
     }
 }
 
+/// PX4 v1.18 calls the mission complete after each landing and each take-off, at whatever item it was left.
+#[test]
+fn a_route_that_a_landing_has_broken_off_continues_where_it_was() {
+    let mut rig = ready(orders::square());
+    rig.done(orders::mode(Mode::Waypoint));
+    is_along(&mut rig, 60.0, [102, 103, 104]);
+    rig.done(orders::mode(Mode::AutolandEngage));
+    assert!(rig.until(60.0, |rig| !rig.truth().armed));
+    rig.run(2.0);
+    assert_eq!(along(&rig)[0], 102, "on the ground");
+    rig.take_off(20.0);
+    rig.run(2.0);
+    assert_eq!(along(&rig), [102, 103, 104], "launched again");
+    rig.done(orders::mode(Mode::Waypoint));
+    rig.run(3.0);
+    assert_eq!(along(&rig), [102, 103, 104]);
+    assert!(!rig.station().has_alert("flown to its end"));
+    is_along(&mut rig, 60.0, [103, 104, 0]);
+}
+
 #[test]
 fn another_route_begins_at_its_first_waypoint_whatever_was_flown_before() {
     let mut rig = ready(orders::square());

@@ -214,7 +214,13 @@ impl Navigator {
                 notes.push(Note::Transition { to_wings: false });
                 (loiter(self.hold, view), Heading::Hold)
             }
-            Mode::Land => (self.land(self.hold, view), Heading::Hold),
+            Mode::Land => {
+                // PX4 calls the mission complete, whatever item is the current one (land.cpp, `on_active`).
+                if view.landed {
+                    self.mission.set_finished(true);
+                }
+                (self.land(self.hold, view), Heading::Hold)
+            }
             Mode::Orbit => self.fly_orbit(view),
             _ if view.landed => (Guidance::Ground, Heading::Hold),
             _ => self.stay(view),

@@ -76,7 +76,8 @@ impl Flight {
         let holds = vehicle.settled_mode() == Some(Px4Mode::LOITER);
         let entered = self.watched.entered == Some(Px4Mode::LOITER) || self.maneuver.is_some();
         let (reported, uploaded) = (vehicle.telemetry.mission?, mission.uploaded?);
-        let ended = mission.progress.stays_at_end(&vehicle.telemetry)
+        let (progress, compiled) = (mission.progress, &uploaded.compiled);
+        let ended = progress.stays_at_end(compiled, &vehicle.telemetry)
             && uploaded.is_aboard(reported.mission_id);
         (holds && ended && !entered).then_some(uploaded.route_type)
     }

@@ -24,6 +24,9 @@ pub(crate) struct RouteProgress {
     witnessed: bool,
     /// The route, or a part of it, has been flown since it was uploaded.
     begun: bool,
+    /// AUTO.TAKEOFF or AUTO.LAND was entered, or the route uploaded, and none of it has been flown since: what is complete then is not
+    /// the route.
+    completes_other: bool,
     from: Option<usize>,
     /// A reached item that the vehicle still reports as the current one.
     arrived: Option<usize>,
@@ -69,6 +72,7 @@ impl RouteProgress {
     pub(crate) fn begin(&mut self, vehicle: &Telemetry) {
         *self = RouteProgress {
             witnessed: true,
+            completes_other: true,
             outdated: vehicle.reached,
             ..RouteProgress::default()
         };
@@ -92,18 +96,28 @@ impl RouteProgress {
         self.end != End::Ahead
     }
 
-    /// Whether the vehicle flies to no item of the route: it was flown to its end, whatever PX4 reports since, or PX4 reports the
-    /// mission as complete.
-    pub(crate) fn is_over(&self, vehicle: &Telemetry) -> bool {
-        self.has_ended() || reports_complete(vehicle)
+    /// Whether the vehicle flies to no item of the route: it was flown to its end, whatever PX4 reports since, or PX4 reports it as
+    /// complete.
+    pub(crate) fn is_over(&self, compiled: &CompiledMission, vehicle: &Telemetry) -> bool {
+        self.has_ended() || self.is_complete(compiled, vehicle)
+    }
+
+    /// Whether PX4 reports the route as complete. PX4 v1.18 also sets MISSION_STATE_COMPLETE at the end of AUTO.TAKEOFF and AUTO.LAND
+    /// (takeoff.cpp, land.cpp), whatever item is the current one; both take it back where they begin.
+    fn is_complete(&self, compiled: &CompiledMission, vehicle: &Telemetry) -> bool {
+        let complete = MissionState::MISSION_STATE_COMPLETE;
+        let mission = vehicle.mission.filter(|mission| mission.state == complete);
+        // The mode alone is not enough: a restart of this VSM, or a silence, may hide how the mission was left.
+        !self.completes_other
+            && mission.is_some_and(|mission| is_at_its_last_waypoint(compiled, mission.seq))
     }
 
     /// Whether the route was flown to its end, and the vehicle has only held since, there as far as it reports its position: a hold
     /// may have been moved by somebody else (DO_REPOSITION of a `[[forward]]`), which is no end of a contingency route.
-    pub(crate) fn stays_at_end(&self, vehicle: &Telemetry) -> bool {
+    pub(crate) fn stays_at_end(&self, compiled: &CompiledMission, vehicle: &Telemetry) -> bool {
         let holds = match self.end {
             // After a start of this VSM there, only PX4 knows.
-            End::Ahead => self.was_flown() && reports_complete(vehicle),
+            End::Ahead => self.was_flown() && self.is_complete(compiled, vehicle),
             End::Reached | End::Held => true,
             End::Left => false,
         };
@@ -128,8 +142,9 @@ impl RouteProgress {
             return;
         };
         let to = compiled.leg_of_item(mission.seq);
-        self.watch_end(compiled, vehicle, mission.state, to != self.to);
-        self.begun |= vehicle.mode == Some(Px4Mode::MISSION);
+        self.watch_mode(vehicle);
+        let over = self.is_complete(compiled, vehicle);
+        self.watch_end(compiled, vehicle, over, to != self.to);
         if to != self.to {
             let led_back = compiled
                 .circuit()
@@ -167,23 +182,37 @@ impl RouteProgress {
         };
         // From here on the previous waypoint is known and no longer inferred from the order.
         self.witnessed = true;
-        if Some(leg) == to && mission.state != MissionState::MISSION_STATE_COMPLETE {
+        if Some(leg) == to && !over {
             self.arrived = Some(leg);
         } else {
             self.from = Some(leg);
         }
     }
 
-    /// Keeps the end of the route until the mission is flown again. `moves`: the vehicle reports another leg as the current one.
+    /// Whether the route is flown, or something else that PX4 completes. On the ground AUTO.MISSION flies nothing.
+    fn watch_mode(&mut self, vehicle: &Telemetry) {
+        match vehicle.mode {
+            Some(Px4Mode::MISSION) if !vehicle.stands() => {
+                self.begun = true;
+                self.completes_other = false;
+            }
+            Some(Px4Mode::TAKEOFF | Px4Mode::VTOL_TAKEOFF | Px4Mode::LAND) => {
+                self.completes_other = true;
+            }
+            _ => {}
+        }
+    }
+
+    /// Keeps the end of the route until the mission is flown again. `over`: PX4 reports the route as complete; `moves`: another leg as
+    /// the current one.
     fn watch_end(
         &mut self,
         compiled: &CompiledMission,
         vehicle: &Telemetry,
-        state: MissionState,
+        over: bool,
         moves: bool,
     ) {
         let flies = vehicle.mode == Some(Px4Mode::MISSION);
-        let over = state == MissionState::MISSION_STATE_COMPLETE;
         let last = compiled.order.len().checked_sub(1);
         // A report from before a restart of the mission may still call it complete: only behind its last waypoint it is.
         let ends = over && self.was_flown() && self.from.is_some() && self.from == last;
@@ -220,7 +249,7 @@ impl RouteProgress {
             return Along::default();
         };
         let there = |leg: usize| (leg < compiled.order.len()).then_some(leg);
-        if self.is_over(vehicle) {
+        if self.is_over(compiled, vehicle) {
             // A completed route has no current waypoint. A route that has not been started leads to its first waypoint,
             // whatever the vehicle reports about the previous one.
             return if self.was_flown() {
@@ -272,11 +301,12 @@ fn is_away_from_end(
     Some(away.ground_m > 2.0 * circle_m + HOVER_NEAR_M || away.height_m > HEIGHT_NEAR_M)
 }
 
-fn reports_complete(vehicle: &Telemetry) -> bool {
-    let complete = MissionState::MISSION_STATE_COMPLETE;
-    vehicle
-        .mission
-        .is_some_and(|mission| mission.state == complete)
+/// Whether the last waypoint of the route, or a landing behind it, is the current item: PX4 leaves it at the last one that it has flown.
+fn is_at_its_last_waypoint(compiled: &CompiledMission, seq: u16) -> bool {
+    let last = compiled.order.last().map(|leg| leg.number);
+    let mut numbers = compiled.waypoint_of.iter();
+    let first = numbers.position(|number| Some(*number) == last);
+    first.is_some_and(|first| usize::from(seq) >= first)
 }
 
 /// A hold at a height is within this of it, also on wings, m.
@@ -287,6 +317,7 @@ mod tests {
     use mapping::altitude::Level;
     use mapping::route::Leg;
     use mapping::telemetry::{MissionProgress, Place};
+    use mavlink_link::dialect::MavLandedState;
     use mavlink_link::service::mission::Item;
 
     use super::*;
@@ -360,7 +391,10 @@ mod tests {
             // What was reached counts from the next report on.
             progress.look(&compiled, &vehicle, false, None);
             progress.look(&compiled, &vehicle, false, None);
-            (progress.is_over(&vehicle), progress.stays_at_end(&vehicle))
+            (
+                progress.is_over(&compiled, &vehicle),
+                progress.stays_at_end(&compiled, &vehicle),
+            )
         };
         let (active, complete) = (
             MissionState::MISSION_STATE_ACTIVE,
@@ -422,10 +456,10 @@ mod tests {
             // This process has seen it reach the end, or begins there.
             for mut progress in [RouteProgress::ended(&compiled), RouteProgress::default()] {
                 progress.look(&compiled, &vehicle, false, circle_m);
-                let there = progress.stays_at_end(&vehicle);
+                let there = progress.stays_at_end(&compiled, &vehicle);
                 assert_eq!(there, expected, "{circle_m:?} {north_m} {above_m}");
                 // Wherever it holds, the route has ended.
-                assert!(progress.is_over(&vehicle));
+                assert!(progress.is_over(&compiled, &vehicle));
             }
         }
         // A position that is forgotten, as after a stop of the bridge, does not bring it back there.
@@ -437,13 +471,13 @@ mod tests {
         });
         for _ in 0..2 {
             progress.look(&compiled, &vehicle, false, None);
-            assert!(!progress.stays_at_end(&vehicle));
+            assert!(!progress.stays_at_end(&compiled, &vehicle));
             vehicle.position = None;
         }
         // What was never known proves nothing.
         let mut progress = RouteProgress::ended(&compiled);
         progress.look(&compiled, &vehicle, false, None);
-        assert!(progress.stays_at_end(&vehicle));
+        assert!(progress.stays_at_end(&compiled, &vehicle));
     }
 
     #[test]
@@ -458,8 +492,9 @@ mod tests {
         };
         let look = |progress: &mut RouteProgress, vehicle: &Telemetry| {
             progress.look(&compiled, vehicle, false, None);
-            assert_eq!(progress.has_ended(), progress.is_over(vehicle));
-            (progress.has_ended(), progress.stays_at_end(vehicle))
+            assert_eq!(progress.has_ended(), progress.is_over(&compiled, vehicle));
+            let stays = progress.stays_at_end(&compiled, vehicle);
+            (progress.has_ended(), stays)
         };
         // PX4 takes it back in AUTO.LAND.
         let mut progress = RouteProgress::ended(&compiled);
@@ -472,5 +507,124 @@ mod tests {
         let mut progress = RouteProgress::ended(&compiled);
         let elsewhere = active(Px4Mode::LOITER, 1);
         assert_eq!(look(&mut progress, &elsewhere), (false, false));
+    }
+
+    /// Waypoints 1 to 4, an item each.
+    fn of_four() -> CompiledMission {
+        let one = compiled(&PATTERN[..1]);
+        let leg = |number| Leg {
+            number,
+            ..one.order[0]
+        };
+        CompiledMission {
+            items: vec![one.items[0]; 4],
+            waypoint_of: vec![1, 2, 3, 4],
+            order: [1, 2, 3, 4].map(leg).into(),
+            ..CompiledMission::default()
+        }
+    }
+
+    /// A route that is followed, and the vehicle as it reports itself.
+    struct Followed {
+        compiled: CompiledMission,
+        vehicle: Telemetry,
+        progress: RouteProgress,
+    }
+
+    impl Followed {
+        fn uploaded(compiled: CompiledMission) -> Followed {
+            let mut vehicle = at_the_end(Px4Mode::LOITER);
+            vehicle.landed = Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
+            let mut progress = RouteProgress::default();
+            progress.begin(&vehicle);
+            Followed {
+                compiled,
+                vehicle,
+                progress,
+            }
+        }
+
+        fn look(&mut self, mode: Px4Mode, landed: MavLandedState, seq: u16, state: MissionState) {
+            (self.vehicle.mode, self.vehicle.landed) = (Some(mode), Some(landed));
+            let mission = self.vehicle.mission.as_mut().expect("it reports one");
+            (mission.seq, mission.state) = (seq, state);
+            // What was reached counts from the next report on.
+            for _ in 0..2 {
+                self.progress
+                    .look(&self.compiled, &self.vehicle, false, None);
+            }
+        }
+
+        fn is_over(&self) -> bool {
+            self.progress.is_over(&self.compiled, &self.vehicle)
+        }
+
+        fn along(&self) -> [Option<usize>; 3] {
+            let along = self.progress.along(&self.compiled, &self.vehicle);
+            [along.from, along.to, along.next]
+        }
+    }
+
+    const ACTIVE: MissionState = MissionState::MISSION_STATE_ACTIVE;
+    const COMPLETE: MissionState = MissionState::MISSION_STATE_COMPLETE;
+    const GROUND: MavLandedState = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
+    const AIR: MavLandedState = MavLandedState::MAV_LANDED_STATE_IN_AIR;
+
+    /// PX4 v1.18 calls the mission complete after AUTO.LAND and AUTO.TAKEOFF too, with the item at which it was left.
+    #[test]
+    fn a_route_that_a_landing_and_a_launch_have_broken_off_is_not_over() {
+        let mut at = Followed::uploaded(of_four());
+        at.look(Px4Mode::MISSION, AIR, 0, ACTIVE);
+        for reached in [0, 1] {
+            at.vehicle.reached = Some(reached);
+            at.look(Px4Mode::MISSION, AIR, reached + 1, ACTIVE);
+        }
+        assert_eq!(at.along(), [Some(1), Some(2), Some(3)]);
+        for (mode, landed, state) in [
+            (Px4Mode::RTL, AIR, MissionState::MISSION_STATE_PAUSED),
+            (Px4Mode::LAND, AIR, ACTIVE),
+            (Px4Mode::LAND, GROUND, COMPLETE),
+            (Px4Mode::TAKEOFF, AIR, ACTIVE),
+            (Px4Mode::LOITER, AIR, COMPLETE),
+        ] {
+            at.look(mode, landed, 2, state);
+            assert!(!at.is_over() && !at.progress.has_ended(), "{mode:?}");
+            assert_eq!(at.along()[0], Some(1), "{mode:?}");
+        }
+        assert_eq!(at.along(), [Some(1), Some(2), Some(3)]);
+        assert!(!at.progress.stays_at_end(&at.compiled, &at.vehicle));
+        // A VSM that was started again here knows the item alone.
+        let restarted = RouteProgress::default();
+        assert!(!restarted.is_over(&at.compiled, &at.vehicle));
+        // Flown to its end, it is over.
+        at.vehicle.reached = Some(2);
+        at.look(Px4Mode::MISSION, AIR, 3, ACTIVE);
+        at.vehicle.reached = Some(3);
+        at.look(Px4Mode::MISSION, AIR, 3, COMPLETE);
+        assert!(at.is_over() && at.progress.has_ended());
+        assert_eq!(at.along(), [Some(3), None, None]);
+    }
+
+    #[test]
+    fn on_the_way_to_its_last_waypoint_a_landing_does_not_end_the_route() {
+        let mut at = Followed::uploaded(of_four());
+        at.look(Px4Mode::MISSION, AIR, 3, ACTIVE);
+        at.look(Px4Mode::LAND, AIR, 3, ACTIVE);
+        at.look(Px4Mode::LAND, GROUND, 3, COMPLETE);
+        assert!(!at.is_over());
+        assert_eq!(at.along(), [None; 3]);
+    }
+
+    #[test]
+    fn the_mission_mode_on_the_ground_flies_nothing_of_the_route() {
+        for compiled in [of_four(), compiled(&PATTERN[..1])] {
+            let next = (compiled.order.len() > 1).then_some(1);
+            let mut at = Followed::uploaded(compiled);
+            at.look(Px4Mode::MISSION, GROUND, 0, ACTIVE);
+            at.look(Px4Mode::TAKEOFF, AIR, 0, ACTIVE);
+            at.look(Px4Mode::LOITER, AIR, 0, COMPLETE);
+            assert!(!at.is_over() && !at.progress.was_flown());
+            assert_eq!(at.along(), [None, Some(0), next]);
+        }
     }
 }

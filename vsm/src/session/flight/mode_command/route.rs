@@ -222,9 +222,11 @@ fn comes_level(uploaded: &UploadedMission, seq: u16, enters: bool, at: &Situatio
 pub(crate) fn restarts_route(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> bool {
     // A fixed wing's mission is not complete at the end of its route: it loiters there until its landing.
     let seq = at.telemetry.mission.map(|mission| mission.seq);
-    let past = at.uploaded.zip(seq);
-    let past = past.is_some_and(|(uploaded, seq)| uploaded.compiled.is_past_the_route(seq));
-    let over = past || at.progress.is_over(at.telemetry);
+    let compiled = at.uploaded.map(|uploaded| &uploaded.compiled);
+    let over = compiled.is_some_and(|compiled| {
+        seq.is_some_and(|seq| compiled.is_past_the_route(seq))
+            || at.progress.is_over(compiled, at.telemetry)
+    });
     over && names_mode(command) && !steps_to_waypoint(command)
 }
 

@@ -6,7 +6,6 @@ use mapping::altitude::Level;
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::route::{CompiledMission, Site, stream_permitted};
-use mavlink_link::dialect::MissionState;
 use stanag_msgs::enums::{MissionPlanMode as Mode, RouteType};
 use stanag_msgs::messages::{MissionTransferCommand, UaRoute};
 
@@ -300,7 +299,7 @@ impl Transfers {
         if before.is_none_or(|before| before.compiled.items != compiled.items) {
             progress.begin(&context.vehicle.telemetry);
         } else if load.origin.is_some() {
-            advise_where_it_continues(context, compiled, effects);
+            advise_where_it_continues(context, compiled, progress, effects);
         }
         // Only 13000 loads a route; a route for a mode is only carried. The loaded route may have been sent again.
         let loaded = store.loaded.as_ref();
@@ -407,13 +406,14 @@ fn site<'a>(context: &Context<'a>) -> Option<Site<'a>> {
 fn advise_where_it_continues(
     context: &Context<'_>,
     compiled: &CompiledMission,
+    progress: &RouteProgress,
     effects: &mut Effects<'_>,
 ) {
     let telemetry = &context.vehicle.telemetry;
     let mission = telemetry.mission.filter(|mission| {
         telemetry.mode != Some(Px4Mode::MISSION)
             && mission.seq > compiled.place_from(0)
-            && mission.state != MissionState::MISSION_STATE_COMPLETE
+            && !progress.is_over(compiled, telemetry)
     });
     let Some(mission) = mission else { return };
     let number = compiled.waypoint_of.get(usize::from(mission.seq));
