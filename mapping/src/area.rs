@@ -65,6 +65,14 @@ pub fn is_breached(areas: &[Area], at: (f64, f64)) -> bool {
     outside || keep_out.iter().any(|one| one.contains(at))
 }
 
+/// The first of a mission's items with a place that breaches the areas, as an index: PX4 flies no such mission.
+#[must_use]
+pub fn first_breach(areas: &[Area], items: &[Item]) -> Option<usize> {
+    let place = |item: &Item| (f64::from(item.x) / 1e7, f64::from(item.y) / 1e7);
+    let breaches = |item: &Item| item.is_flown_to() && is_breached(areas, place(item));
+    items.iter().position(breaches)
+}
+
 fn outline(corners: &[(f64, f64)]) -> Polygon {
     let ring = corners.iter().map(|(north, east)| (*east, *north));
     Polygon::new(ring.collect::<LineString>(), Vec::new())
@@ -132,6 +140,14 @@ impl Areas {
     pub fn messages(&self) -> impl Iterator<Item = Message> + '_ {
         let vertices = self.0.values().flat_map(BTreeMap::values);
         vertices.cloned().map(Message::AreaVertex)
+    }
+
+    /// The fence that they make with areas of the configuration: these alone where one that was sent is not whole.
+    #[must_use]
+    pub fn with(&self, configured: &[Area]) -> Vec<Area> {
+        let sent = self.whole().unwrap_or_default().into_iter();
+        let sent = sent.map(|(_, area)| area);
+        configured.iter().cloned().chain(sent).collect()
     }
 
     /// The areas, whole.
@@ -446,6 +462,35 @@ mod tests {
             ]
         );
         assert!((i64::from(items[2].item.x) - 471_000_000).abs() <= 1);
+    }
+
+    #[test]
+    fn the_first_place_of_a_mission_outside_of_its_areas_is_named() {
+        let sent = square(AreaType::KeepInPolygon);
+        let item = |frame, north, east| Item {
+            frame,
+            command: 16,
+            x: crate::route::degrees_e7(north),
+            y: crate::route::degrees_e7(east),
+            ..Item::default()
+        };
+        let global = |north, east| item(6, north, east);
+        // Of an item without a place, x and y are parameters.
+        let mut items = vec![global(47.05, 8.05), item(2, 0.0, 0.0), global(47.05, 8.06)];
+        let areas = sent.with(&[]);
+        assert_eq!(first_breach(&areas, &items), None);
+        items.push(global(47.2, 8.05));
+        assert_eq!(first_breach(&areas, &items), Some(3));
+        assert_eq!(first_breach(&[], &items), None);
+        let keep_out = Area {
+            keep_in: false,
+            shape: Shape::Circle {
+                centre: (47.05, 8.06),
+                radius_m: 100.0,
+            },
+        };
+        let areas = sent.with(std::slice::from_ref(&keep_out));
+        assert_eq!(first_breach(&areas, &items), Some(2));
     }
 
     #[test]

@@ -256,6 +256,16 @@ impl CompiledMission {
         self.order.iter().position(|leg| leg.number == *number)
     }
 
+    /// The waypoint that an item, an index, was made for, for an operator: the vehicle knows its items alone.
+    #[must_use]
+    pub fn item_in_words(&self, item: usize) -> Option<String> {
+        let number = *self.waypoint_of.get(item)?;
+        Some(match number {
+            0 => "a place of its landing".to_owned(),
+            number => format!("waypoint {number}"),
+        })
+    }
+
     /// Checks that it can be flown from the present home. It was compiled for an earlier one: PX4 sets home again when it
     /// arms, and an altitude above sea level does not move with home.
     ///

@@ -410,10 +410,7 @@ impl MissionView<'_> {
     /// Whether a position, degrees north and east, is outside the fence.
     pub(crate) fn is_outside_fence(&self, at: (f64, f64)) -> bool {
         let (configured, loaded) = self.fence;
-        let loaded = loaded.whole().unwrap_or_default();
-        let loaded = loaded.into_iter().map(|(_, area)| area);
-        let areas: Vec<Area> = configured.iter().cloned().chain(loaded).collect();
-        is_breached(&areas, at)
+        is_breached(&loaded.with(configured), at)
     }
 
     /// Whether a route of this type can be flown: it is stored, or aboard.

@@ -9,6 +9,7 @@
 use std::time::Duration;
 
 use mapping::area::{self, Area, AreaError, Areas, FencePoint};
+use mapping::route::CompiledMission;
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::mission::{self, Item, MavMissionType, plan_id};
 use mavlink_link::store::{Store as _, StoreError};
@@ -105,6 +106,11 @@ impl Fence {
     /// judged its mission against it, although it reports the fence's id at once.
     pub(super) fn read_at(&self) -> Option<Duration> {
         self.read_at
+    }
+
+    /// The first item of a route that breaches it, as an index.
+    pub(super) fn first_breach(&self, compiled: &CompiledMission) -> Option<usize> {
+        area::first_breach(&self.loaded.with(&self.configured), &compiled.items)
     }
 
     /// The bridge did not run for so long.

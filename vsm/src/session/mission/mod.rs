@@ -108,13 +108,7 @@ impl Mission {
     /// The areas of the fence, and the vehicle's id for them once it holds them.
     pub(crate) fn fence(&self) -> (Vec<Area>, Option<u32>) {
         let (configured, loaded) = self.fence.areas();
-        // The loaded route was complete.
-        let loaded = loaded.whole().unwrap_or_default().into_iter();
-        let loaded = loaded.map(|(_, area)| area);
-        (
-            configured.iter().cloned().chain(loaded).collect(),
-            self.fence.id(),
-        )
+        (loaded.with(configured), self.fence.id())
     }
 
     /// With the fence areas and the rally points of the configuration.
@@ -309,7 +303,7 @@ impl Mission {
                 rally.look_again(context.mono());
             }
             Input::Advance => {
-                transfers.advance(context, store, progress, fence.read_at(), effects);
+                transfers.advance(context, store, progress, fence, effects);
             }
             Input::WatchProgress => {
                 if let Some(uploaded) = &store.uploaded {

@@ -16,6 +16,7 @@ use mavlink_link::service::mission::{self, MavMissionType, Operation, plan_id};
 use stanag_msgs::enums::RouteType;
 use stanag_msgs::messages::UaRoute;
 
+use super::fence::Fence;
 use super::record::UploadedMission;
 use super::upload::{self, Fault, Upload};
 use crate::session::link::services::Services;
@@ -141,14 +142,13 @@ impl RouteUpload {
         matches!(self.phase, Phase::Site { .. } | Phase::Again { .. })
     }
 
-    /// Starts the next step if possible, and checks pending ones. `fence_read_at`: when the vehicle has read its fence, against
-    /// which it judges the route.
+    /// Starts the next step if possible, and checks pending ones. `fence`: within it the vehicle judges the route, once it has read it.
     pub(super) fn advance(
         &mut self,
         now: Duration,
         plan: &Plan,
         site: Option<&Site>,
-        fence_read_at: Option<Duration>,
+        fence: &Fence,
         (state, vehicle): (&VehicleState, &mut Services),
     ) -> Outcome {
         match std::mem::replace(&mut self.phase, Phase::Ended) {
@@ -183,7 +183,7 @@ impl RouteUpload {
                 compiled,
             } => {
                 let mut mission = state.telemetry.mission;
-                if let Some(at) = fence_read_at {
+                if let Some(at) = fence.read_at() {
                     upload.judged_from(at);
                     self.judged = self.judged.max(Some(at));
                     // Until then PX4 reports what it found before, within its former fence.
@@ -194,6 +194,9 @@ impl RouteUpload {
                     .is_some_and(|mission| mission.state != MissionState::MISSION_STATE_NO_MISSION);
                 let named = mission.map(|mission| mission.mission_id);
                 let progress = upload.check(now, named, flyable);
+                if progress == upload::Progress::Failed(Fault::Unusable) {
+                    return self.infeasible(&compiled, upload.touched(), fence, state);
+                }
                 self.follow(progress, upload, compiled, state)
             }
             Phase::Ended => Outcome::Going,
@@ -421,10 +424,13 @@ impl RouteUpload {
             upload::Progress::Failed(fault) => {
                 // Only for an upload does the seq name a refused item.
                 let item = fault.item().filter(|_| is_of_upload(&fault));
-                let waypoint = item.and_then(|item| compiled.waypoint_of.get(item).copied());
+                let mut why = self.explain(&fault, state);
+                if let Some(of) = item.and_then(|item| compiled.item_in_words(item)) {
+                    why += &format!("; that item is {of}");
+                }
                 Outcome::Refused {
-                    waypoint,
-                    why: self.explain(&fault, state),
+                    waypoint: item.and_then(|item| number_of(&compiled, item)),
+                    why,
                     touched: upload.touched(),
                     flaw: fault.is_flaw(),
                 }
@@ -432,13 +438,50 @@ impl RouteUpload {
         }
     }
 
-    fn explain(&self, fault: &Fault, state: &VehicleState) -> String {
-        // A read-back of many seconds follows, with other warnings.
-        let complaint = || {
-            let began = self.began?;
-            state.complaint(began, self.judged.map_or(began, |judged| judged.max(began)))
+    /// The vehicle does not fly the route that it carries.
+    fn infeasible(
+        &self,
+        compiled: &CompiledMission,
+        touched: bool,
+        fence: &Fence,
+        state: &VehicleState,
+    ) -> Outcome {
+        let complaint = self.complaint(state);
+        let named = item_named(&complaint);
+        // PX4 does not judge a route again that it holds already, and gives no reason then.
+        let found = || {
+            fence
+                .first_breach(compiled)
+                .filter(|_| complaint.is_empty())
         };
-        let complaint = || complaint().unwrap_or_default();
+        let item = named.or_else(found);
+        let of = item.and_then(|item| compiled.item_in_words(item));
+        let by_whom = match (named, of) {
+            (Some(item), Some(of)) => {
+                format!("; item {} of the vehicle's mission is {of}", item + 1)
+            }
+            (None, Some(of)) => format!(": {of} breaches the fence"),
+            (_, None) => String::new(),
+        };
+        Outcome::Refused {
+            waypoint: item.and_then(|item| number_of(compiled, item)),
+            why: format!("{}{complaint}{by_whom}", Fault::Unusable.explain("route")),
+            touched,
+            flaw: Fault::Unusable.is_flaw(),
+        }
+    }
+
+    /// What the vehicle has complained of about the route; empty where it has not.
+    fn complaint(&self, state: &VehicleState) -> String {
+        // A read-back of many seconds follows, with other warnings.
+        let complaint = self.began.and_then(|began| {
+            let judged = self.judged.map_or(began, |judged| judged.max(began));
+            state.complaint(began, judged)
+        });
+        complaint.unwrap_or_default()
+    }
+
+    fn explain(&self, fault: &Fault, state: &VehicleState) -> String {
         match fault {
             Fault::Service { operation, .. } => {
                 let what = if *operation == Operation::Upload {
@@ -450,12 +493,34 @@ impl RouteUpload {
             }
             Fault::NotNamed => format!(
                 "the vehicle does not report the loaded route as its mission{}",
-                complaint()
+                self.complaint(state)
             ),
-            Fault::Unusable => format!("{}{}", fault.explain("route"), complaint()),
+            Fault::Unusable => fault.explain("route"),
             Fault::NotSent(_) | Fault::NotRead(_) | Fault::Differs(_) => fault.explain("plan"),
         }
     }
+}
+
+/// The waypoint of an item, for 14000; a place of the landing has no number.
+fn number_of(compiled: &CompiledMission, item: usize) -> Option<u16> {
+    let number = compiled.waypoint_of.get(item).copied();
+    number.filter(|number| *number != 0)
+}
+
+/// The item, as an index, that a complaint names: PX4 v1.18 counts the items of its mission from 1, and calls them waypoints
+/// (mission_feasibility_checker.cpp, FeasibilityChecker.cpp).
+fn item_named(complaint: &str) -> Option<usize> {
+    let before = [
+        "violation for waypoint ",
+        "home pos, WP ",
+        "rejected: item ",
+    ];
+    let mut named = before
+        .iter()
+        .filter_map(|before| complaint.split_once(*before));
+    let (_, number) = named.next()?;
+    let number = number.split(|c: char| !c.is_ascii_digit()).next()?;
+    number.parse::<usize>().ok()?.checked_sub(1)
 }
 
 fn is_of_upload(fault: &Fault) -> bool {
@@ -481,3 +546,29 @@ const NO_HOME: &str = "the vehicle has not reported its home position";
 const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;
 /// PX4 reports its home some seconds after its start, every 2 s.
 const SITE_WITHIN: Duration = Duration::from_secs(10);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_complaint_names_an_item_by_its_place_in_the_mission() {
+        for (complaint, item) in [
+            (" (Geofence violation for waypoint 6)", Some(5)),
+            (
+                " (Mission rejected: No home pos, WP 2 uses rel alt)",
+                Some(1),
+            ),
+            (" (Mission rejected: item 3: unsupported cmd: 93)", Some(2)),
+            (" (Geofence violation for waypoint 0)", None),
+            (" (Geofence violation for waypoint)", None),
+            (
+                " (Distance between waypoint and gate too close: 4 meters)",
+                None,
+            ),
+            ("", None),
+        ] {
+            assert_eq!(item_named(complaint), item, "{complaint}");
+        }
+    }
+}

@@ -678,6 +678,61 @@ fn a_vehicle_that_holds_a_route_whose_load_was_cancelled_or_failed_is_named_once
     }
 }
 
+/// PX4 names items, counted from 1, and nothing where it has judged the route before.
+#[test]
+fn an_infeasible_route_is_refused_with_the_waypoint_of_the_station() {
+    for (complaint, waypoint, expected) in [
+        (
+            Some("Geofence violation for waypoint 1"),
+            1,
+            "(Geofence violation for waypoint 1); item 1 of the vehicle's mission is waypoint 1",
+        ),
+        (
+            None,
+            2,
+            "finds the route infeasible: waypoint 2 breaches the fence",
+        ),
+    ] {
+        let (mut world, mut mission) = ready();
+        let around_the_first = Shape::Circle {
+            centre: (47.0, 8.0),
+            radius_m: 15.0,
+        };
+        let area = Area {
+            keep_in: true,
+            shape: around_the_first,
+        };
+        mission.set_areas(vec![area], world.now.mono);
+        let items = compiled(&mut world, &mission);
+        command(&mut world, &mut mission, transfer(Mode::Load));
+        let id = transferred(&mut world, &mut mission, MISSION, &items);
+        if let Some(complaint) = complaint {
+            world.vehicle.complain(world.now.mono, complaint);
+        }
+        world.vehicle.telemetry.mission = named(id, 0).map(|mission| MissionProgress {
+            state: MissionState::MISSION_STATE_NO_MISSION,
+            ..mission
+        });
+        world.sent_to(0);
+        world.advance(6 * SECOND);
+        handle(&mut world, &mut mission, Input::Advance);
+        let sent = world.sent_to(0);
+        let requested = sent.iter().find_map(|message| match message {
+            Message::MissionUploadDownloadStatus(report) => report.waypoint_request,
+            _ => None,
+        });
+        assert_eq!(requested, Some(waypoint));
+        let named = sent.iter().any(|message| match message {
+            Message::SubsystemStatusAlert(alert) => alert
+                .text
+                .as_ref()
+                .is_some_and(|text| text.as_str().contains(expected)),
+            _ => false,
+        });
+        assert!(named, "{sent:?}");
+    }
+}
+
 /// The vehicle has taken the route of the first load, and nothing of the second.
 #[test]
 fn a_later_load_that_ends_early_too_hides_no_route_that_the_vehicle_holds() {

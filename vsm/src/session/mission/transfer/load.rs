@@ -14,6 +14,7 @@ use super::{
 };
 use crate::session::context::Origin;
 use crate::session::effects::Effects;
+use crate::session::mission::fence::Fence;
 use crate::session::mission::input::Context;
 use crate::session::mission::payload_action;
 use crate::session::mission::progress::RouteProgress;
@@ -132,13 +133,13 @@ impl Transfers {
         self.load = Some(Load::of(upload, uploaded.mission_name.clone()));
     }
 
-    /// Lets a load take its next step. `fence_read_at`: when the vehicle has read its fence.
+    /// Lets a load take its next step. `fence`: within it the vehicle judges the route.
     pub(in crate::session::mission) fn advance(
         &mut self,
         context: &Context<'_>,
         store: &mut MissionStore,
         progress: &mut RouteProgress,
-        fence_read_at: Option<Duration>,
+        fence: &Fence,
         effects: &mut Effects<'_>,
     ) {
         let Some(Load {
@@ -192,7 +193,7 @@ impl Transfers {
         } else {
             store.plan()
         };
-        let outcome = upload.advance(now, plan, site.as_ref(), fence_read_at, parts);
+        let outcome = upload.advance(now, plan, site.as_ref(), fence, parts);
         if upload.held && !held {
             effects.advise(
                 "the vehicle flies its mission: it is put on hold (mode 12, loiter) while another plan is uploaded",
