@@ -78,8 +78,12 @@ impl fmt::Display for Refused {
         let commanding = LoiBitmap::LOI3 | LoiBitmap::LOI4 | LoiBitmap::LOI5;
         if self.held.intersects(commanding) {
             // The VSM's text is for any ground station; here the subcommand can be named.
-            let no_route = |text: &String| text.contains("no route has been loaded");
-            if self.reasons.iter().any(no_route) {
+            let no_route = [
+                "no route has been loaded",
+                "no longer holds the loaded route",
+            ];
+            let lacks_one = |text: &String| no_route.iter().any(|words| text.contains(words));
+            if self.reasons.iter().any(lacks_one) {
                 f.write_str("; `cucs send FILE` loads one")?;
             }
             return Ok(());

@@ -118,7 +118,15 @@ fn waypoint(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
         );
     }
     if at.uploaded.is_none() && at.loaded.is_none() {
-        return Err("mode 11 (waypoint): no route has been loaded (13000)".to_owned());
+        let why = if at.plan.is_empty() {
+            "no route has been loaded (13000)"
+        } else {
+            // Of a load that failed, the vehicle may hold any part: it flies nothing before the next one, and not the earlier route
+            // either, which the operator has replaced.
+            "the vehicle no longer holds the loaded route: it was cleared, or the load that was to replace it was refused or failed; load a \
+             route again (13000)"
+        };
+        return Err(format!("mode 11 (waypoint): {why}"));
     }
     fly(command, RouteType::Flight, at)
 }
@@ -297,9 +305,9 @@ mod tests {
     use mapping::telemetry::{Place, Telemetry};
     use mavlink_link::dialect::MavLandedState;
     use mavlink_link::service::mission::Item;
-    use stanag_msgs::Scaled;
     use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
-    use stanag_msgs::messages::LoiterConfiguration;
+    use stanag_msgs::messages::{LoiterConfiguration, UaRoute};
+    use stanag_msgs::{Id, Scaled};
 
     use super::super::situation::UnderWay;
     use super::*;
@@ -312,12 +320,22 @@ mod tests {
         uploaded: Option<&UploadedMission>,
         limits: Limits,
     ) -> Result<Task, String> {
+        task_with(&Plan::default(), command, telemetry, uploaded, limits)
+    }
+
+    fn task_with(
+        plan: &Plan,
+        command: &VehicleOperatingModeCommand,
+        telemetry: &Telemetry,
+        uploaded: Option<&UploadedMission>,
+        limits: Limits,
+    ) -> Result<Task, String> {
         let at = Situation {
             telemetry,
             uploaded,
             progress: &RouteProgress::default(),
             loaded: None,
-            plan: &Plan::default(),
+            plan,
             just_loaded: false,
             under_way: UnderWay::default(),
             landing_from_m: None,
@@ -377,6 +395,33 @@ mod tests {
         assert!(why.starts_with("mode 32 (return): only reported"), "{why}");
         assert!(why.contains("mode 23 (contingency A)"), "{why}");
         assert!(refused(Mode::Unknown(33)).contains("not supported by PX4"));
+    }
+
+    #[test]
+    fn mode_11_names_a_route_that_was_replaced_by_a_load_that_failed() {
+        let command = VehicleOperatingModeCommand {
+            select_flight_path_control_mode: Some(Mode::Waypoint),
+            ..VehicleOperatingModeCommand::default()
+        };
+        let refused = |plan: &Plan| {
+            let at = Telemetry::default();
+            let task = task_with(plan, &command, &at, None, Limits::default());
+            task.map(drop).expect_err("no route")
+        };
+        let mut plan = Plan::default();
+        assert!(refused(&plan).contains("no route has been loaded"));
+        // What was loaded before stays stored.
+        let route = UaRoute {
+            initial_waypoint_number: Some(1),
+            ..UaRoute::default()
+        };
+        let stored = plan.store(&route.into(), Id(1), Id(2));
+        assert_eq!(stored, Ok(()));
+        let why = refused(&plan);
+        assert!(
+            why.contains("refused or failed; load a route again (13000)"),
+            "{why}"
+        );
     }
 
     #[test]

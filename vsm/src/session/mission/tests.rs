@@ -733,6 +733,53 @@ fn an_infeasible_route_is_refused_with_the_waypoint_of_the_station() {
     }
 }
 
+#[test]
+fn a_load_that_fails_half_way_says_that_the_earlier_route_is_not_flown() {
+    let (mut world, mut mission) = ready();
+    let items = compiled(&mut world, &mission);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    let id = transferred(&mut world, &mut mission, MISSION, &items);
+    world.vehicle.telemetry.mission = named(id, 0);
+    handle(&mut world, &mut mission, Input::Advance);
+    let is_loaded = |world: &World, mission: &Mission| {
+        let view = mission.view(&world.vehicle, &world.services);
+        view.loaded.is_some()
+    };
+    assert!(is_loaded(&world, &mission));
+    let higher = UaPositionWaypoint {
+        time_stamp: Some(TimeStamp(3)),
+        waypoint_number: Some(2),
+        waypoint_to_latitude_or_relative_y: Some(Bam32::from_degrees(47.0002)),
+        waypoint_to_longitude_or_relative_x: Some(Bam32::from_degrees(8.0)),
+        waypoint_to_altitude: Some(Scaled::saturating_from_si(30.0)),
+        waypoint_altitude_type: Some(AltitudeType::Agl),
+        next_waypoint: Some(0),
+        ..UaPositionWaypoint::default()
+    };
+    command(&mut world, &mut mission, higher);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    let progress = Event::Progress {
+        operation: Operation::Upload,
+        done: 1,
+        total: 2,
+        percent: 50,
+    };
+    handle(&mut world, &mut mission, Input::ServiceEnded(progress));
+    world.sent_to(0);
+    let failed = Event::Failed {
+        operation: Operation::Upload,
+        kind: MISSION,
+        reason: Failure::NoAnswer { seq: None },
+    };
+    ended(&mut world, &mut mission, Operation::Upload, failed);
+    assert!(!is_loaded(&world, &mission));
+    let (_, texts) = reports(&mut world);
+    assert!(
+        texts.contains("flies no route before the next load"),
+        "{texts}"
+    );
+}
+
 /// The vehicle has taken the route of the first load, and nothing of the second.
 #[test]
 fn a_later_load_that_ends_early_too_hides_no_route_that_the_vehicle_holds() {

@@ -257,8 +257,8 @@ impl Transfers {
                 }
                 if touched {
                     // A 13000 was to replace the loaded route. A load for a mode keeps it, so that it can be uploaded again.
-                    if load.origin.is_some() {
-                        store.loaded = None;
+                    if load.origin.is_some() && store.loaded.take().is_some() {
+                        why += REPLACED;
                     }
                     if let Work::Load(upload) = &load.work {
                         self.note_ended_early(upload.mission_id, store);
@@ -431,5 +431,7 @@ fn is_same(loaded: &UploadedMission, uploaded: &UploadedMission) -> bool {
     loaded.route_type == uploaded.route_type && loaded.compiled.items == uploaded.compiled.items
 }
 
+/// Appended to a refusal after which the route that was loaded before is not flown.
+const REPLACED: &str = "; mode 11 (waypoint) flies no route before the next load";
 /// Appended to a refusal because of the upload's content.
 const DROPPED: &str = "; this upload is discarded: correct it and send the whole route";
