@@ -138,6 +138,8 @@ pub(crate) struct MissionView<'a> {
     pub(crate) areas: &'a Areas,
     /// The fence: the areas of the configuration and those loaded by 50017.
     pub(crate) fence: (&'a [Area], &'a Areas),
+    /// The vehicle finds the mission aboard infeasible within it, and flies no part of it.
+    pub(crate) infeasible: bool,
     /// Why no upload, download or clearing can begin now.
     pub(crate) may_change: Result<(), &'static str>,
 }
@@ -411,6 +413,13 @@ impl MissionView<'_> {
     pub(crate) fn is_outside_fence(&self, at: (f64, f64)) -> bool {
         let (configured, loaded) = self.fence;
         is_breached(&loaded.with(configured), at)
+    }
+
+    /// Why the vehicle does not fly the mission aboard, where it finds it infeasible.
+    pub(crate) fn why_infeasible(&self) -> Option<String> {
+        let uploaded = self.uploaded.filter(|_| self.infeasible)?;
+        let (configured, loaded) = self.fence;
+        Some(uploaded.infeasible_within(&loaded.with(configured)))
     }
 
     /// Whether a route of this type can be flown: it is stored, or aboard.

@@ -290,6 +290,7 @@ impl World {
             fence_busy: false,
             areas: &self.areas,
             fence: (&[], &self.areas),
+            infeasible: false,
             may_change: match self.transfer {
                 Transfer::None => Ok(()),
                 Transfer::Running { .. } => Err("a transfer is running"),

@@ -3,7 +3,9 @@
 use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use mavlink_link::dialect::{MISSION_CLEAR_ALL_DATA, MavMessage, MavMissionType};
 use mavlink_link::service::Node;
-use stanag_msgs::enums::{AckType, AreaPlanMode, AreaType, MissionTransferStatus};
+use stanag_msgs::enums::{
+    AckType, AreaPlanMode, AreaType, FlightPathControlMode, MissionTransferStatus,
+};
 use stanag_msgs::messages::{AreaTransferCommand, AreaTransferStatus, AreaVertex};
 use stanag_msgs::{Bam32, Message};
 
@@ -152,6 +154,12 @@ fn a_route_aboard_that_a_tighter_fence_makes_infeasible_is_an_alert_until_it_is_
     assert!(!rig.station().has_alert(infeasible));
     fence(&mut rig, 200.0);
     assert!(rig.station().has_alert(infeasible));
+    // PX4 enters AUTO.MISSION on the ground, and flies no route after the launch.
+    let mode_11 = orders::mode(FlightPathControlMode::Waypoint);
+    assert_eq!(rig.carry_out(mode_11), Some(AckType::Refused));
+    rig.run(0.5);
+    let why = "mode 11 (waypoint): the vehicle finds the route aboard infeasible within its fence (waypoint 2 breaches it)";
+    assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
     fence(&mut rig, 500.0);
     assert!(
         rig.station()

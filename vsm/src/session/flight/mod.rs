@@ -604,6 +604,7 @@ impl Flight {
         let situation = Situation {
             telemetry,
             uploaded: context.mission.uploaded,
+            infeasible: context.mission.why_infeasible(),
             progress: context.mission.progress,
             loaded: context.mission.loaded,
             plan: context.mission.plan,

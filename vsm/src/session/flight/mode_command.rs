@@ -220,6 +220,9 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
                     && holds(at.telemetry, uploaded) == Some(true)
                     && is_current(uploaded, RouteType::Launch, at) =>
             {
+                if let Some(why) = &at.infeasible {
+                    return Err(format!("mode 21 (launch): {why}"));
+                }
                 check_heights(uploaded, at)?;
                 steps.push(Step::SetCurrent(0..=uploaded.compiled.place_from(0)));
                 steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
@@ -320,11 +323,17 @@ mod tests {
         uploaded: Option<&UploadedMission>,
         limits: Limits,
     ) -> Result<Task, String> {
-        task_with(&Plan::default(), command, telemetry, uploaded, limits)
+        task_with(
+            (&Plan::default(), None),
+            command,
+            telemetry,
+            uploaded,
+            limits,
+        )
     }
 
     fn task_with(
-        plan: &Plan,
+        (plan, infeasible): (&Plan, Option<&str>),
         command: &VehicleOperatingModeCommand,
         telemetry: &Telemetry,
         uploaded: Option<&UploadedMission>,
@@ -333,6 +342,7 @@ mod tests {
         let at = Situation {
             telemetry,
             uploaded,
+            infeasible: infeasible.map(str::to_owned),
             progress: &RouteProgress::default(),
             loaded: None,
             plan,
@@ -405,7 +415,7 @@ mod tests {
         };
         let refused = |plan: &Plan| {
             let at = Telemetry::default();
-            let task = task_with(plan, &command, &at, None, Limits::default());
+            let task = task_with((plan, None), &command, &at, None, Limits::default());
             task.map(drop).expect_err("no route")
         };
         let mut plan = Plan::default();
@@ -422,6 +432,37 @@ mod tests {
             why.contains("refused or failed; load a route again (13000)"),
             "{why}"
         );
+    }
+
+    #[test]
+    fn a_route_aboard_that_the_vehicle_finds_infeasible_is_not_begun() {
+        let uploaded = UploadedMission {
+            compiled: CompiledMission::default(),
+            mission_id: 0,
+            route_type: RouteType::Flight,
+            mission_name: String::new(),
+            plan: Plan::default(),
+        };
+        let command = VehicleOperatingModeCommand {
+            select_flight_path_control_mode: Some(Mode::Waypoint),
+            ..VehicleOperatingModeCommand::default()
+        };
+        let telemetry = Telemetry {
+            home: Some(Place {
+                latitude: 47.0,
+                longitude: 8.0,
+                amsl_m: 488.0,
+            }),
+            ..Telemetry::default()
+        };
+        let judged = |infeasible| {
+            let given = (&Plan::default(), infeasible);
+            let limits = Limits::default();
+            task_with(given, &command, &telemetry, Some(&uploaded), limits).map(drop)
+        };
+        assert_eq!(judged(None), Ok(()));
+        let why = judged(Some("infeasible: load another")).expect_err("PX4 flies nothing of it");
+        assert_eq!(why, "mode 11 (waypoint): infeasible: load another");
     }
 
     #[test]

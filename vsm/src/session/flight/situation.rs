@@ -63,6 +63,8 @@ impl Task {
 pub(crate) struct Situation<'a> {
     pub(crate) telemetry: &'a Telemetry,
     pub(crate) uploaded: Option<&'a UploadedMission>,
+    /// Why the vehicle does not fly that, where it finds it infeasible.
+    pub(crate) infeasible: Option<String>,
     /// How far that has been flown.
     pub(crate) progress: &'a RouteProgress,
     /// The route that 13000 last loaded.

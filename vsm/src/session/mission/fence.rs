@@ -25,6 +25,7 @@ use super::upload::{Fault, Progress, Upload};
 use crate::session::alerts::Cause;
 use crate::session::context::Origin;
 use crate::session::effects::{Effects, Request};
+use crate::session::link::state::VehicleState;
 use crate::session::store::{record_fault, vehicle_record};
 
 /// The machine.
@@ -335,7 +336,25 @@ impl Fence {
         route: Option<&UploadedMission>,
         effects: &mut Effects<'_>,
     ) {
-        let vehicle = context.vehicle;
+        match (self.finds_infeasible(context.vehicle, route), route) {
+            (Some(true), Some(route)) => {
+                let areas = self.loaded.with(&self.configured);
+                effects.warn(Cause::Infeasible, route.infeasible_within(&areas));
+            }
+            (Some(_), _) => {
+                let text = "the vehicle finds no route aboard infeasible any more";
+                effects.clear(Cause::Infeasible, text);
+            }
+            (None, _) => {}
+        }
+    }
+
+    /// Whether the vehicle finds the route aboard infeasible within the fence that was uploaded last; `None` before it has judged it.
+    pub(super) fn finds_infeasible(
+        &self,
+        vehicle: &VehicleState,
+        route: Option<&UploadedMission>,
+    ) -> Option<bool> {
         let is_judged = self
             .read_at
             .is_some_and(|at| vehicle.progress_at() >= Some(at));
@@ -345,20 +364,14 @@ impl Fence {
             .home
             .and(vehicle.telemetry.position)
             .is_some();
-        let (true, Some(mission)) = (is_judged && is_placed, vehicle.telemetry.mission) else {
-            return;
-        };
+        let mission = vehicle
+            .telemetry
+            .mission
+            .filter(|_| is_judged && is_placed)?;
         let is_aboard = route.is_some_and(|route| route.mission_id == mission.mission_id);
         let is_infeasible =
             mission.total.is_some() && mission.state == MissionState::MISSION_STATE_NO_MISSION;
-        if is_aboard && is_infeasible {
-            let text = "the vehicle finds the route aboard infeasible within its fence, and does not fly it: load another route, or \
-                        other areas";
-            effects.warn(Cause::Infeasible, text);
-        } else {
-            let text = "the vehicle finds no route aboard infeasible any more";
-            effects.clear(Cause::Infeasible, text);
-        }
+        Some(is_aboard && is_infeasible)
     }
 
     fn follow(&mut self, context: &Context<'_>, progress: Progress, effects: &mut Effects<'_>) {

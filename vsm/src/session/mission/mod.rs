@@ -209,6 +209,7 @@ impl Mission {
             fence_busy: self.fence.busy() || self.rally.busy(),
             areas: self.fence.sent(),
             fence: self.fence.areas(),
+            infeasible: self.fence.finds_infeasible(vehicle, self.uploaded()) == Some(true),
             may_change: self.may_change(vehicle, services),
         }
     }

@@ -4,6 +4,7 @@
 
 use data_encoding::{HEXLOWER, HEXLOWER_PERMISSIVE};
 use mapping::altitude::Level;
+use mapping::area::{self, Area};
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
 use mapping::route::{CompiledMission, Curved, Leg};
@@ -54,6 +55,17 @@ impl UploadedMission {
     pub(crate) fn is_on_final(&self, telemetry: &Telemetry) -> bool {
         let seq = self.current_item(telemetry);
         telemetry.airframe().has_wings() && seq.is_some_and(|seq| self.compiled.is_touch_down(seq))
+    }
+
+    /// That the vehicle finds it infeasible within these areas, and what to do, for an operator.
+    pub(crate) fn infeasible_within(&self, areas: &[Area]) -> String {
+        let item = area::first_breach(areas, &self.compiled.items);
+        let of = item.and_then(|item| self.compiled.item_in_words(item));
+        let breach = of.map_or_else(String::new, |of| format!(" ({of} breaches it)"));
+        format!(
+            "the vehicle finds the route aboard infeasible within its fence{breach}, and does not fly it: load another route (13000), or \
+             other areas (50017)"
+        )
     }
 
     /// Whether it is the route with this name.

@@ -67,6 +67,13 @@ pub(super) fn fly(
             };
         }
     };
+    // PX4 refuses AUTO.MISSION in the air without this reason. On the ground it enters it, and a launch would fly no route. A
+    // contingency route is left to PX4, whose refusals lead the VSM to another action.
+    if route == RouteType::Flight
+        && let Some(why) = &at.infeasible
+    {
+        return Err(format!("mode 11 (waypoint): {why}"));
+    }
     check_heights(uploaded, at)?;
     let mut steps = Vec::new();
     let enters = at.settled_mode() != Some(Px4Mode::MISSION);
