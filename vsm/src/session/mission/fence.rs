@@ -1,7 +1,8 @@
 //! The geofence of one vehicle: areas of the configuration and of a CUCS (50016, 50017), uploaded, read back and compared;
 //! 50018 reports the result.
 //!
-//! Areas of the configuration are always part of the fence.
+//! Areas of the configuration are always part of the fence. No route is sent before the vehicle holds the areas that it should: it
+//! would take one that they forbid, and report that only once it has them.
 //!
 //! Before any area is sent, it is stored that the vehicle may hold areas of this VSM, as with rally points. So what a restart in
 //! the middle of an upload leaves aboard is replaced after it, or cleared where no area is left.
@@ -41,6 +42,8 @@ pub(super) struct Fence {
     stored_wanted: bool,
     /// When the vehicle has read the items that were uploaded last.
     read_at: Option<Duration>,
+    /// Why the vehicle does not hold the areas that it should, since the last attempt.
+    fault: Option<String>,
     work: Option<Work>,
 }
 
@@ -72,6 +75,7 @@ impl Fence {
     /// The areas of the configuration have changed: they are uploaded as soon as possible.
     pub(super) fn set_configured(&mut self, configured: Vec<Area>, now: Duration) {
         self.configured = configured;
+        self.fault = None;
         self.kept.change(now);
     }
 
@@ -84,6 +88,7 @@ impl Fence {
             loaded: Areas::default(),
             stored_wanted: false,
             read_at: None,
+            fault: None,
             work: None,
         }
     }
@@ -114,6 +119,29 @@ impl Fence {
         area::first_breach(&self.loaded.with(&self.configured), &compiled.items)
     }
 
+    /// Whether the vehicle holds the areas that it should, so that it judges a route within them; false while they are
+    /// compared or uploaded.
+    ///
+    /// # Errors
+    /// They could not be uploaded, for the operator.
+    pub(super) fn is_aboard(&self, vehicle: &VehicleState) -> Result<bool, String> {
+        if self.busy() {
+            return Ok(false);
+        }
+        // What is left to be cleared forbids more than it should, never less.
+        let none = !self.kept.wanted || self.configured.is_empty() && self.loaded.is_empty();
+        if none || self.kept.id().is_some() {
+            return Ok(true);
+        }
+        let silent = (!vehicle.live()).then_some("no data from the vehicle");
+        match self.fault.as_deref().or(silent) {
+            Some(why) => Err(format!(
+                "the vehicle is not known to hold its fence, within which it has to judge the route: {why}"
+            )),
+            None => Ok(false),
+        }
+    }
+
     /// The bridge did not run for so long.
     pub(super) fn postpone(&mut self, stopped: Duration) {
         if let Some(work) = &mut self.work {
@@ -128,6 +156,7 @@ impl Fence {
 
     /// The vehicle's link is up, for the first time or again: its fence is compared once it has had time to report it.
     pub(super) fn look_again(&mut self, now: Duration) {
+        self.fault = None;
         self.kept.look_again(now);
     }
 
@@ -317,7 +346,10 @@ impl Fence {
                         }
                     }
                     Ok(points) => self.begin(context, None, areas, points, free, effects),
-                    Err(fault) => effects.warn(Cause::Fence, fault.to_string()),
+                    Err(fault) => {
+                        self.fault = Some(fault.to_string());
+                        effects.warn(Cause::Fence, fault.to_string());
+                    }
                 }
             }
             Seen::Other => {
@@ -387,6 +419,7 @@ impl Fence {
                     if work.upload.touched() {
                         // It may hold these areas, or none: what it should hold is compared, and sent or cleared.
                         self.kept.try_again(context.mono());
+                        self.fault = Some(fault.explain("fence"));
                     } else if !work.wanted_before {
                         // The vehicle's own areas, if any, are left alone.
                         self.kept.wanted = false;
@@ -414,6 +447,10 @@ impl Fence {
         let aboard = !work.points.is_empty();
         self.kept.wanted = aboard || !self.configured.is_empty();
         self.kept.uploaded(id);
+        // A change of the configuration meanwhile has taken the fault, and is still due.
+        if self.fault.take().is_some() {
+            self.kept.drop_retry();
+        }
         let read_within: Duration = work.points.iter().map(|_| READ_WITHIN).sum();
         self.read_at = Some(context.mono() + read_within + JUDGED_WITHIN);
         // Only after the vehicle has cleared its fence: a failed clearing leaves the areas unchanged.
@@ -454,6 +491,7 @@ impl Fence {
                 // The vehicle flies without a fence that it should have.
                 self.kept.try_again(context.mono());
                 effects.warn(Cause::Fence, format!("the fence is not uploaded: {why}"));
+                self.fault = Some(why);
             }
         }
     }

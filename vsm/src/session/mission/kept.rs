@@ -70,6 +70,12 @@ impl Kept {
         self.postponed = false;
     }
 
+    /// An upload has succeeded before the retry of one that had failed.
+    pub(super) fn drop_retry(&mut self) {
+        self.look_at = None;
+        self.postponed = false;
+    }
+
     /// When a check is next due. `upload`: the upload in progress.
     pub(super) fn poll_timeout(&self, upload: Option<&Upload>) -> Option<Duration> {
         let due = match upload {

@@ -216,13 +216,22 @@ impl Mission {
 
     /// Whether an upload, a download or a clearing can begin now, or why not.
     fn may_change(&self, vehicle: &VehicleState, services: &Services) -> Free {
+        self.may_bound(vehicle, services)?;
+        if self.transfers.is_running() {
+            return Err(BUSY);
+        }
+        Ok(())
+    }
+
+    /// The same for the fence and the rally points that the VSM itself sends: a load that has not begun waits for them.
+    fn may_bound(&self, vehicle: &VehicleState, services: &Services) -> Free {
         if !vehicle.live() {
             return Err("no data from the vehicle: nothing can be loaded");
         }
         // Routes, fences, rally points and a maneuver's set-current share the mission service: one operation at a time.
         let busy = services.missions.busy().is_some() || self.rally.busy();
-        if self.transfers.is_running() || self.fence.busy() || busy {
-            return Err("another transfer is in progress");
+        if self.transfers.has_begun() || self.fence.busy() || busy {
+            return Err(BUSY);
         }
         Ok(())
     }
@@ -246,9 +255,10 @@ impl Mission {
         input: Input<'_>,
         effects: &mut Effects<'_>,
     ) {
-        let free = match context.termination.holds {
-            true => Err("a flight termination is commanded"),
-            false => self.may_change(context.vehicle, effects.vehicle),
+        let free = match (context.termination.holds, &input) {
+            (true, _) => Err("a flight termination is commanded"),
+            (false, Input::WatchFence) => self.may_bound(context.vehicle, effects.vehicle),
+            (false, _) => self.may_change(context.vehicle, effects.vehicle),
         };
         let telemetry = &context.vehicle.telemetry;
         let Mission {
@@ -304,7 +314,8 @@ impl Mission {
                 rally.look_again(context.mono());
             }
             Input::Advance => {
-                transfers.advance(context, store, progress, fence, effects);
+                let bounds = (&*fence, rally.busy());
+                transfers.advance(context, store, progress, bounds, effects);
             }
             Input::WatchProgress => {
                 if let Some(uploaded) = &store.uploaded {
@@ -416,6 +427,8 @@ impl Mission {
         .min()
     }
 }
+
+const BUSY: &str = "another transfer is in progress";
 
 #[cfg(test)]
 mod tests;

@@ -103,6 +103,12 @@ fn circle() -> Area {
     }
 }
 
+/// The items of that area alone.
+fn fence_items() -> Vec<Item> {
+    let points = mapping::area::fence(&[circle()], &[], None).expect("a fence");
+    points.iter().map(|point| point.item).collect()
+}
+
 /// What is begun for the fence or the rally points once the vehicle's link is up.
 fn looked(world: &mut World, mission: &mut Mission) -> Option<Operation> {
     handle(world, mission, Input::LinkUp);
@@ -903,6 +909,90 @@ fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
     handle(&mut world, &mut mission, Input::WatchFence);
     let (_, texts) = reports(&mut world);
     assert!(texts.contains("is not the loaded one"), "{texts}");
+}
+
+/// PX4 takes a route that its fence forbids while it has no fence yet, and the 13000 would be answered as complete.
+#[test]
+fn a_route_is_sent_once_the_areas_of_the_configuration_are_aboard() {
+    let (mut world, mut mission) = ready();
+    mission.fence = Fence::new(vec![circle()]);
+    let items = compiled(&mut world, &mission);
+    handle(&mut world, &mut mission, Input::LinkUp);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    assert_eq!(answers(&mut world), [AckType::Received]);
+    assert_eq!(world.services.missions.busy(), None, "it waits");
+    let due = mission.poll_timeout().expect("the comparison");
+    assert!(due > world.now.mono && due < world.now.mono + 4 * SECOND);
+    world.advance(4 * SECOND);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    assert_eq!(world.services.missions.busy(), None, "it is not named yet");
+    world.vehicle.telemetry.mission = named(0, fence_id);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    handle(&mut world, &mut mission, Input::Advance);
+    let id = transferred(&mut world, &mut mission, MISSION, &items);
+    world.vehicle.telemetry.mission = named(id, fence_id);
+    handle(&mut world, &mut mission, Input::Advance);
+    assert!(mission.transfers.is_running(), "it is not judged yet");
+}
+
+#[test]
+fn a_route_is_refused_where_the_areas_of_the_configuration_are_not_uploaded() {
+    let (mut world, mut mission) = ready();
+    mission.fence = Fence::new(vec![circle()]);
+    handle(&mut world, &mut mission, Input::LinkUp);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    world.advance(4 * SECOND);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    let failed = || Event::Failed {
+        operation: Operation::Upload,
+        kind: FENCE,
+        reason: Failure::NoAnswer { seq: None },
+    };
+    ended(&mut world, &mut mission, Operation::Upload, failed());
+    let refused = |world: &mut World| {
+        let (progress, texts) = reports(world);
+        assert_eq!(progress.last(), Some(&(Status::Aborted, 0)));
+        assert!(texts.contains("not known to hold its fence"), "{texts}");
+    };
+    refused(&mut world);
+    // Until it is tried again.
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    refused(&mut world);
+    world.advance(31 * SECOND);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    world.vehicle.telemetry.mission = named(0, fence_id);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
+}
+
+/// The load of a mode waits for areas of a CUCS too, and refuses where the vehicle is lost meanwhile.
+#[test]
+fn a_route_for_a_mode_waits_for_the_areas_of_a_cucs_until_the_vehicle_is_silent() {
+    let (mut world, mut mission) = ready();
+    stored(&mut world, &mut mission);
+    load_areas(&mut world, &mut mission);
+    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    world.vehicle.telemetry.mission = named(0, fence_id);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    // The vehicle may have restarted without them.
+    handle(&mut world, &mut mission, Input::LinkUp);
+    let wanted = VehicleOperatingModeCommand::default();
+    let message = wanted.clone().into();
+    let input = Input::LoadAndFly {
+        origin: Some(origin(&message)),
+        route_type: Some(stanag_msgs::enums::RouteType::Flight),
+        command: Box::new(wanted),
+    };
+    handle(&mut world, &mut mission, input);
+    handle(&mut world, &mut mission, Input::Advance);
+    assert_eq!(world.services.missions.busy(), None, "it waits");
+    answers(&mut world);
+    world.vehicle.set_silent();
+    handle(&mut world, &mut mission, Input::Advance);
+    assert_eq!(answers(&mut world), [AckType::Refused]);
 }
 
 #[test]

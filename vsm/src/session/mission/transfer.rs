@@ -46,7 +46,7 @@ struct Load {
     mission_name: String,
     /// Flown once the route is uploaded.
     then: Option<(Option<Origin>, Box<VehicleOperatingModeCommand>)>,
-    /// It waits for a maneuver to end.
+    /// It waits for a maneuver to end, or for the areas that the vehicle should hold.
     blocked: bool,
 }
 
@@ -311,6 +311,14 @@ impl Transfers {
         }
     }
 
+    /// Whether a load or a clearing has requested something of the vehicle.
+    pub(super) fn has_begun(&self) -> bool {
+        self.load.as_ref().is_some_and(|load| match &load.work {
+            Work::Load(upload) => !upload.has_not_begun(),
+            Work::Clear { .. } => true,
+        })
+    }
+
     /// Whether a load or a clearing runs.
     pub(super) fn is_running(&self) -> bool {
         self.load.is_some()
@@ -341,7 +349,7 @@ impl Transfers {
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         let load = self.load.as_ref().and_then(|load| match &load.work {
             Work::Load(upload) if !load.blocked => upload.poll_timeout(),
-            // The end of the maneuver, or of the clearing, is an event.
+            // The end of the maneuver, of the fence's upload or of the clearing is an event.
             Work::Load(_) | Work::Clear { .. } => None,
         });
         let download = self.download.as_ref().map(Download::poll_timeout);

@@ -1,7 +1,5 @@
 //! A load: which route a 13000 or a mode command loads, its upload, and what is known of the vehicle's mission after it.
 
-use std::time::Duration;
-
 use mapping::altitude::Level;
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
@@ -133,13 +131,14 @@ impl Transfers {
         self.load = Some(Load::of(upload, uploaded.mission_name.clone()));
     }
 
-    /// Lets a load take its next step. `fence`: within it the vehicle judges the route.
+    /// Lets a load take its next step. `fence`: within it the vehicle judges the route. `rally_busy`: rally points are being
+    /// uploaded.
     pub(in crate::session::mission) fn advance(
         &mut self,
         context: &Context<'_>,
         store: &mut MissionStore,
         progress: &mut RouteProgress,
-        fence: &Fence,
+        (fence, rally_busy): (&Fence, bool),
         effects: &mut Effects<'_>,
     ) {
         let Some(Load {
@@ -169,11 +168,18 @@ impl Transfers {
                 *blocked = true;
                 return;
             }
+            // PX4 takes a route that an area forbids which it is sent later, and flies it until it has read that area.
+            let bounded = fence.is_aboard(context.vehicle);
+            if rally_busy || bounded == Ok(false) {
+                *blocked = true;
+                return;
+            }
             // Checked on the request and again now: a fixed wing may have reached its final approach since.
-            if let Err(why) = replaceable(context, store) {
+            let free = replaceable(context, store).map_err(str::to_owned);
+            if let Err(why) = bounded.and(free) {
                 let outcome = Outcome::Refused {
                     waypoint: None,
-                    why: why.to_owned(),
+                    why,
                     touched: false,
                     flaw: false,
                 };
