@@ -194,6 +194,27 @@ fn a_route_and_manual_flight_right_after_a_hold_are_entered() {
     }
 }
 
+/// PX4 has left the mode for want of set points, and new ones would lead it back.
+#[test]
+fn steering_that_a_stop_of_the_bridge_has_ended_is_not_resumed() {
+    for timers_first in [true, false] {
+        let mut rig = Rig::ready();
+        rig.take_off(30.0);
+        let mut east = steer();
+        east.heading_command_type = Some(HeadingCommandType::Course);
+        east.commanded_course = Some(Bam16::from_degrees(90.0));
+        rig.done(east.clone());
+        rig.run(3.0);
+        rig.suspend_bridge(3.0, timers_first);
+        assert_ne!(rig.truth().mode, Px4::Offboard);
+        assert!(!rig.until(1.0, |rig| rig.truth().mode == Px4::Offboard));
+        // By then the vehicle has shown its mode by something that has not waited.
+        let entered = rig.carry_out(east);
+        let alerts = rig.station().alerts();
+        assert_eq!(entered, Some(AckType::CarriedOut), "{alerts:?}");
+    }
+}
+
 #[test]
 fn steering_holds_course_speed_altitude_and_turns() {
     let mut rig = Rig::ready();

@@ -35,6 +35,7 @@ use super::flight::{self, Flight};
 use super::held::{self, Held};
 use super::link::VehicleLink;
 use super::link::frame::Peer;
+use super::link::measured::CATCHES_UP;
 use super::link::services::Services;
 use super::link::state::VehicleState;
 use super::maneuver;
@@ -155,6 +156,18 @@ impl Aircraft {
         self.watch_soon(dli.now.mono);
     }
 
+    /// The bridge did not run in between, too shortly for anything but the vehicle's own reaction to it.
+    pub(super) fn note_unread(&mut self, from: Duration, until: Duration) {
+        self.vehicle.note_unread(from, until);
+        self.postpone(until.saturating_sub(from));
+    }
+
+    /// What waits for the vehicle's mode waits for one that it shows after the stop.
+    fn postpone(&mut self, stopped: Duration) {
+        self.flight.postpone(stopped + CATCHES_UP);
+        self.mission.postpone(stopped + CATCHES_UP);
+    }
+
     /// The bridge did not run in between: nothing has lasted by that. What the vehicle has answered and shown meanwhile is read after
     /// this, so whoever waits for that waits as much longer; not after a long stop, since a command must not take effect minutes later.
     pub(super) fn note_stop(&mut self, from: Duration, until: Duration) {
@@ -165,8 +178,7 @@ impl Aircraft {
         self.reports.note_stop(stopped);
         if self.link.note_stop(&mut self.vehicle, from, until) {
             self.services.postpone(stopped);
-            self.flight.postpone(stopped);
-            self.mission.postpone(stopped);
+            self.postpone(stopped);
             self.payload.postpone(stopped);
             return;
         }

@@ -25,7 +25,13 @@ impl Bridge {
     pub(super) fn note_time(&mut self, mono: Duration) {
         let before = std::mem::replace(&mut self.checks.ran_at, mono);
         let stopped = mono.saturating_sub(before);
+        if stopped < UNREAD {
+            return;
+        }
         if stopped < STOPPED {
+            for one in self.aircraft.iter_mut() {
+                one.note_unread(before, mono);
+            }
             return;
         }
         for received in self
@@ -285,5 +291,8 @@ fn cleared(text: &str) -> String {
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// A station's clock matters only while it sends.
 const SPEAKS: Duration = Duration::from_secs(60);
+/// Longer than the bridge waits where nothing is due, and than PX4 does without a set point before it takes them as lost
+/// (COM_OF_LOSS_T, default 1 s).
+const UNREAD: Duration = Duration::from_millis(1_200);
 /// Twice as long as the bridge waits where nothing is due: a computer that is merely busy is not taken for one that stood still.
 const STOPPED: Duration = Duration::from_secs(2);

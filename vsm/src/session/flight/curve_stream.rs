@@ -67,7 +67,7 @@ pub(super) struct StreamContext<'a> {
     pub(super) system: u8,
     /// The mode that the vehicle has reported since the last command.
     pub(super) mode: Option<Px4Mode>,
-    /// When it last reported its mode.
+    /// When it last reported its mode; `None` after a stop of the bridge, before it has again.
     pub(super) mode_at: Option<Duration>,
     /// Its position, and when that was measured.
     pub(super) position: Option<(Place, Duration)>,
@@ -227,7 +227,7 @@ impl Flown {
         let blind = context.mode_at.map(|at| now.saturating_sub(at));
         if blind.is_none_or(|blind| blind > UNWATCHED) {
             effects.warn_of_link(
-                "no data from the vehicle: the set points of its curve end, and PX4 acts by COM_OBL_RC_ACT",
+                "the vehicle does not show its mode: the set points of its curve end, and PX4 acts by COM_OBL_RC_ACT",
             );
             return (None, false);
         }

@@ -737,6 +737,9 @@ impl Flight {
         effects: &mut Effects<'_>,
     ) {
         let now = context.mono();
+        if context.vehicle.awaits_mode() {
+            return effects.refuse(origin, format!("mode 2 (manual): {DID_NOT_RUN}"));
+        }
         // A remote control may be on: the vehicle would enter the mode, and not be flown by this CUCS.
         if let Some(why) = context.parameters.values.ignores_sticks() {
             let why = format!("mode 2 (manual): the vehicle ignores sticks (2010): its {why}");
@@ -770,6 +773,9 @@ impl Flight {
         mut commanded: Commanded,
         effects: &mut Effects<'_>,
     ) {
+        if context.vehicle.awaits_mode() {
+            return effects.refuse(origin, format!("mode 15 (autopilot): {DID_NOT_RUN}"));
+        }
         // A command that arrives while the mode is being entered adds to the one before, as its set points do.
         if let Some((_, running)) = &self.maneuver
             && running.enters(Px4Mode::OFFBOARD)
@@ -820,6 +826,9 @@ impl Flight {
 /// Streams.
 impl Flight {
     fn stream_sticks(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        if context.vehicle.awaits_mode() {
+            return self.sticks.withhold(context.mono());
+        }
         let mode = context.vehicle.telemetry.mode;
         let system = context.config.system_id;
         let newer = context.vehicle.state_is_newer_than_command();
@@ -883,4 +892,6 @@ fn select(mode: Mode) -> VehicleOperatingModeCommand {
 
 const TERMINATING: &str = "a flight termination is commanded";
 const LOST: &str = "its CUCS is lost, and the loss action (authority.on_loss) goes first";
+const DID_NOT_RUN: &str =
+    "this VSM did not run, and the vehicle has not shown its mode since: command it again";
 const SILENT: &str = "no data from the vehicle: no command can be confirmed";

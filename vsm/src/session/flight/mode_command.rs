@@ -44,7 +44,8 @@ pub(crate) fn task(
         }
         if at.settled_mode().is_none() {
             return Err(
-                "no mode is commanded while another is being entered, or was commanded and is not shown yet: name the mode"
+                "no mode is commanded while the present one is not known: another is being entered, or was commanded and is not shown \
+                 yet, or none is shown since this VSM did not run; name the mode"
                     .to_owned(),
             );
         }

@@ -2,8 +2,8 @@
 //!
 //! Set points are sent 20 times a second, from before the mode is entered until the vehicle reports another one: PX4 treats
 //! a gap of a second as a loss and returns. While no data of the vehicle arrives they continue, level, for at most
-//! [`LONGEST_BLIND`]. Values that a command leaves out stay unchanged; on entering the mode they are the vehicle's present
-//! ones. Multicopters only: PX4 does not steer a fixed wing by such set points.
+//! [`LONGEST_BLIND`]; after a stop of the bridge there are none before the vehicle has shown its mode. Values that a command
+//! leaves out stay unchanged; on entering the mode they are the vehicle's present ones. Multicopters only: PX4 does not steer a fixed wing by such set points.
 //!
 //! | 2016 | flown as |
 //! |---|---|
@@ -241,6 +241,10 @@ impl Steering {
         }
         // A report from before the command may show an earlier OFFBOARD.
         flown.entered |= steered && state.state_is_newer_than_command();
+        // PX4 has taken the gap for a loss, and would leave its failsafe for these set points.
+        if state.awaits_mode() {
+            (flown.due, flown.last) = (now + PERIOD, now);
+        }
         if flown.due > now {
             return None;
         }

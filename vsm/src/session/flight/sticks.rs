@@ -110,6 +110,11 @@ impl Sticks {
         self.due = now;
     }
 
+    /// The vehicle's mode is not known since a stop of the bridge: PX4 would leave its failsafe for sticks.
+    pub(super) fn withhold(&mut self, now: Duration) {
+        self.due = self.due.max(now + PERIOD);
+    }
+
     /// Ends the stream: mode 2 was not entered, or another mode is.
     pub(crate) fn release(&mut self) {
         self.stream = Stream::Off;

@@ -37,7 +37,8 @@ impl Flight {
             now: context.mono(),
             system: context.config.system_id,
             mode: vehicle.settled_mode(),
-            mode_at: vehicle.mode_at(),
+            // What it showed before a stop of the bridge may be over.
+            mode_at: vehicle.mode_at().filter(|_| !vehicle.awaits_mode()),
             position: telemetry.position.zip(vehicle.measured.position()),
             velocity: telemetry.velocity_ned,
             home: telemetry.home,

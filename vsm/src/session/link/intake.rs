@@ -146,8 +146,7 @@ impl VehicleLink {
         ) {
             // A heartbeat that was in transit when a command was sent shows the mode before the command and confirms
             // nothing.
-            vehicle.state_is_newer |= fresh.state;
-            vehicle.mode_at = Some(now);
+            vehicle.note_mode(now, fresh.state);
         }
         let Services {
             missions,

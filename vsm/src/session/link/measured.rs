@@ -28,6 +28,8 @@ pub(crate) struct Measured {
     had_position: bool,
     /// From when until when the bridge last did not run.
     stopped: Option<(Duration, Duration)>,
+    /// A message that was made after that has arrived: what follows it has not waited.
+    caught_up: bool,
 }
 
 impl Measured {
@@ -70,17 +72,22 @@ impl Measured {
     pub(super) fn restart(&mut self) {
         *self = Measured {
             stopped: self.stopped,
+            caught_up: self.caught_up,
             ..Measured::default()
         };
     }
 
-    /// The bridge did not run in between.
-    pub(super) fn note_stop(&mut self, from: Duration, until: Duration, shown: &mut Telemetry) {
+    /// The bridge did not run in between: what it reads next may have waited.
+    pub(super) fn note_unread(&mut self, from: Duration, until: Duration) {
         // What waited during the stop before may not be through yet.
         let before = self.stopped.filter(|(_, end)| *end + CATCHES_UP >= from);
         self.stopped = Some((before.map_or(from, |(began, _)| began), until));
-        // Nothing could be reported meanwhile.
-        self.begin_again(until, shown);
+        self.caught_up = false;
+    }
+
+    /// Whether a message that is handled now may have waited while the bridge did not run.
+    pub(super) fn may_have_waited(&self, now: Duration) -> bool {
+        !self.caught_up && self.waited_since(now).is_some()
     }
 
     /// Since when a message may have waited that is handled now; `None` where none has.
@@ -109,6 +116,7 @@ impl Measured {
         if at.is_none() {
             return;
         }
+        self.caught_up |= self.stopped.is_none_or(|(_, until)| at >= Some(until));
         match message {
             // Arrives with the speed.
             MavMessage::GLOBAL_POSITION_INT(_) => {
@@ -156,7 +164,7 @@ fn boot_time(message: &MavMessage) -> Option<BootTime> {
 }
 
 /// How long after a stop the bridge may still read what waited: a socket's buffer takes it a fraction of that.
-const CATCHES_UP: Duration = Duration::from_secs(2);
+pub(crate) const CATCHES_UP: Duration = Duration::from_secs(2);
 /// Each is requested at 5 Hz. This is longer than the time until a vehicle counts as silent, which is another alert.
 const STALE: Duration = Duration::from_secs(5);
 const AIR_AND_GROUND: u16 = 3009;
@@ -199,7 +207,8 @@ mod tests {
         for (stopped_s, stays) in [(3, true), (13, false)] {
             let (mut measured, mut telemetry) = shown();
             let until = seconds(100 + stopped_s);
-            measured.note_stop(seconds(100), until, &mut telemetry);
+            measured.note_unread(seconds(100), until);
+            measured.begin_again(until, &mut telemetry);
             assert_eq!(telemetry.position.is_some(), stays, "{stopped_s} s");
             assert_eq!(measured.position().is_some(), stays, "{stopped_s} s");
             let soon = until + seconds(4);

@@ -21,7 +21,7 @@ pub(crate) struct VehicleState {
     /// When its last HEARTBEAT arrived.
     pub(super) heartbeat_at: Option<Duration>,
     /// When it last reported its mode.
-    pub(super) mode_at: Option<Duration>,
+    mode_at: Option<Duration>,
     pub(super) silent: bool,
     /// When the bridge last ran again after it did not.
     ran_again: Option<Duration>,
@@ -29,6 +29,8 @@ pub(crate) struct VehicleState {
     pub(super) progress_boot_ms: Option<u32>,
     pub(super) progress_at: Option<Duration>,
     pub(super) state_is_newer: bool,
+    /// The bridge did not run, and nothing that was sent since has shown the mode.
+    awaits_mode: bool,
     /// Warnings of the autopilot by STATUSTEXT, the oldest first.
     complaints: VecDeque<(Duration, String)>,
     /// When its values were measured.
@@ -49,6 +51,7 @@ impl Default for VehicleState {
             progress_boot_ms: None,
             progress_at: None,
             state_is_newer: true,
+            awaits_mode: false,
             complaints: VecDeque::new(),
             measured: Measured::default(),
         }
@@ -72,8 +75,7 @@ impl VehicleState {
     #[cfg(test)]
     pub(crate) fn show_mode(&mut self, now: Duration, mode: Px4Mode) {
         self.telemetry.mode = Some(mode);
-        self.mode_at = Some(now);
-        self.state_is_newer = true;
+        self.note_mode(now, true);
     }
 
     /// Sends it a command that may change its mode, without a link.
@@ -109,10 +111,28 @@ impl VehicleState {
         Some((mode.max(again) + SILENCE).min(beat.max(again) + NO_HEARTBEAT))
     }
 
-    /// The bridge did not run in between: the vehicle was not silent for that time. Returns false after a longer one: it is treated
-    /// as a vehicle that was silent, since it may be another, or have restarted.
+    /// Its mode was reported. `fresh`: by a message made after the last command that may change it.
+    pub(super) fn note_mode(&mut self, now: Duration, fresh: bool) {
+        self.mode_at = Some(now);
+        // Of what waited while the bridge did not run, the first shows the mode of before, which a failsafe may have ended since.
+        if !self.measured.may_have_waited(now) {
+            self.awaits_mode = false;
+            self.state_is_newer |= fresh;
+        }
+    }
+
+    /// The bridge did not run in between: PX4 may have left the mode that it has shown, for want of set points or sticks.
+    pub(crate) fn note_unread(&mut self, from: Duration, until: Duration) {
+        self.measured.note_unread(from, until);
+        (self.awaits_mode, self.state_is_newer) = (true, false);
+    }
+
+    /// The bridge did not run in between, for longer: the vehicle was not silent for that time. Returns false after a still longer
+    /// one: it is treated as a vehicle that was silent, since it may be another, or have restarted.
     pub(super) fn note_stop(&mut self, from: Duration, until: Duration) -> bool {
-        self.measured.note_stop(from, until, &mut self.telemetry);
+        self.note_unread(from, until);
+        // Nothing could be reported meanwhile.
+        self.measured.begin_again(until, &mut self.telemetry);
         let known = until.saturating_sub(from) <= MAX_STOP;
         if known {
             self.ran_again = Some(until);
@@ -135,13 +155,18 @@ impl VehicleState {
         self.progress_at
     }
 
-    /// Whether its mode was reported after the last command that may change it.
+    /// Whether its mode has not been shown since the bridge did not run: nothing is streamed to it for the mode of before.
+    pub(crate) fn awaits_mode(&self) -> bool {
+        self.awaits_mode
+    }
+
+    /// Whether its mode was reported after the last command that may change it, and since the bridge last did not run.
     pub(crate) fn state_is_newer_than_command(&self) -> bool {
         self.state_is_newer
     }
 
-    /// Its current mode; `None` if the last report is older than the last command that may have changed it. A decision based
-    /// on an older report could be wrong for up to a second, and longer on a bad link.
+    /// Its current mode; `None` if the last report is older than the last command that may have changed it, or of before a stop of
+    /// the bridge. A decision based on an older report could be wrong for up to a second, and longer on a bad link.
     pub(crate) fn settled_mode(&self) -> Option<Px4Mode> {
         self.telemetry.mode.filter(|_| self.state_is_newer)
     }

@@ -336,6 +336,27 @@ fn a_stop_of_the_bridge_is_held_against_nobody() {
     assert_eq!(link.link_state_name(world.now.mono), "silent");
 }
 
+/// The first of the heartbeats that waited shows the mode of before, which a failsafe may have ended since.
+#[test]
+fn what_waited_during_a_stop_of_the_bridge_shows_no_mode_of_now() {
+    let (mut world, mut link) = start();
+    receive(&mut world, &mut link, VEHICLE, &heartbeat(1));
+    let mode = world.vehicle.settled_mode();
+    assert!(mode.is_some());
+    let from = world.now.mono;
+    world.advance(Duration::from_secs(3));
+    let until = world.now.mono;
+    link.note_stop(&mut world.vehicle, from, until);
+    receive(&mut world, &mut link, VEHICLE, &heartbeat(1));
+    assert_eq!(world.vehicle.settled_mode(), None);
+    assert!(world.vehicle.awaits_mode());
+    world.advance(measured::CATCHES_UP + Duration::from_millis(1));
+    assert_eq!(world.vehicle.settled_mode(), None);
+    receive(&mut world, &mut link, VEHICLE, &heartbeat(1));
+    assert_eq!(world.vehicle.settled_mode(), mode);
+    assert!(!world.vehicle.awaits_mode());
+}
+
 #[test]
 fn heartbeats_go_out_under_the_next_key_too_while_nothing_answers_under_the_one_in_force() {
     let mut world = World::new();
