@@ -397,3 +397,25 @@ fn areas_that_leave_the_file_by_a_restart_while_they_are_uploaded_are_cleared() 
     rig.restart_with(&before);
     assert!(rig.until(15.0, |rig| aboard(rig).is_empty()));
 }
+
+/// Within the areas that it holds at the request, the vehicle would take it.
+#[test]
+fn a_route_that_is_loaded_before_the_areas_of_the_file_are_aboard_is_judged_within_them() {
+    let mut rig = Rig::ready();
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 80.0, 0.0, 20.0).into(),
+        orders::waypoint(2, 0, 250.0, 0.0, 20.0).into(),
+    ]);
+    let (before, key) = (rig.text.clone(), "signing = { key_file = \"uav.key\" }\n");
+    let keys = "area = [{ keep = \"in\", centre = [47.3977434, 8.5455939], radius_m = 150 }]\n";
+    rig.reload(&before.replacen(key, &format!("{key}{keys}"), 1))
+        .expect("applied");
+    assert_eq!(rig.carry_out(orders::load()), Some(AckType::Refused));
+    assert_eq!(aboard(&rig), [5003]);
+    rig.run(0.5);
+    let reasons = ["Geofence violation", "finds the route"];
+    let alerts = rig.station().alerts();
+    let named = reasons.iter().any(|reason| rig.station().has_alert(reason));
+    assert!(named, "{alerts:?}");
+}

@@ -154,6 +154,13 @@ impl Fence {
         self.work.is_some()
     }
 
+    /// Whether a fence is being uploaded that no CUCS has requested.
+    pub(super) fn is_sent_unasked(&self) -> bool {
+        self.work
+            .as_ref()
+            .is_some_and(|work| work.requester.is_none())
+    }
+
     /// The vehicle's link is up, for the first time or again: its fence is compared once it has had time to report it.
     pub(super) fn look_again(&mut self, now: Duration) {
         self.fault = None;

@@ -2,7 +2,7 @@
 
 use mavlink_link::service::{command, mission};
 use stanag_msgs::Message;
-use stanag_msgs::enums::RouteType;
+use stanag_msgs::enums::{MissionPlanMode, RouteType};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use crate::session::authority::rules::Authority;
@@ -66,4 +66,18 @@ pub(crate) enum Input<'a> {
     WatchFence,
     /// Sends the next few messages of a download.
     AdvanceDownload,
+}
+
+impl Input<'_> {
+    /// Whether it requests the upload of a route.
+    pub(super) fn loads(&self) -> bool {
+        match self {
+            Input::LoadAndFly { .. } => true,
+            Input::Command {
+                message: Message::MissionTransferCommand(command),
+                ..
+            } => command.mission_plan_mode == Some(MissionPlanMode::Load),
+            _ => false,
+        }
+    }
 }

@@ -236,6 +236,15 @@ impl Mission {
         Ok(())
     }
 
+    /// Whether a load can be requested now, or why not: what the VSM sends by itself for it is waited for.
+    fn may_load(&self, vehicle: &VehicleState, services: &Services) -> Free {
+        let waits = self.fence.is_sent_unasked() || self.rally.busy();
+        if waits && vehicle.live() && !self.transfers.is_running() {
+            return Ok(());
+        }
+        self.may_change(vehicle, services)
+    }
+
     /// The bridge did not run for so long: nothing has lasted by that.
     pub(crate) fn note_stop(&mut self, stopped: Duration) {
         self.rally.note_stop(stopped);
@@ -258,6 +267,7 @@ impl Mission {
         let free = match (context.termination.holds, &input) {
             (true, _) => Err("a flight termination is commanded"),
             (false, Input::WatchFence) => self.may_bound(context.vehicle, effects.vehicle),
+            (false, input) if input.loads() => self.may_load(context.vehicle, effects.vehicle),
             (false, _) => self.may_change(context.vehicle, effects.vehicle),
         };
         let telemetry = &context.vehicle.telemetry;

@@ -914,26 +914,35 @@ fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
 /// PX4 takes a route that its fence forbids while it has no fence yet, and the 13000 would be answered as complete.
 #[test]
 fn a_route_is_sent_once_the_areas_of_the_configuration_are_aboard() {
-    let (mut world, mut mission) = ready();
-    mission.fence = Fence::new(vec![circle()]);
-    let items = compiled(&mut world, &mission);
-    handle(&mut world, &mut mission, Input::LinkUp);
-    command(&mut world, &mut mission, transfer(Mode::Load));
-    assert_eq!(answers(&mut world), [AckType::Received]);
-    assert_eq!(world.services.missions.busy(), None, "it waits");
-    let due = mission.poll_timeout().expect("the comparison");
-    assert!(due > world.now.mono && due < world.now.mono + 4 * SECOND);
-    world.advance(4 * SECOND);
-    handle(&mut world, &mut mission, Input::WatchFence);
-    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
-    assert_eq!(world.services.missions.busy(), None, "it is not named yet");
-    world.vehicle.telemetry.mission = named(0, fence_id);
-    handle(&mut world, &mut mission, Input::WatchFence);
-    handle(&mut world, &mut mission, Input::Advance);
-    let id = transferred(&mut world, &mut mission, MISSION, &items);
-    world.vehicle.telemetry.mission = named(id, fence_id);
-    handle(&mut world, &mut mission, Input::Advance);
-    assert!(mission.transfers.is_running(), "it is not judged yet");
+    // The 13000 comes before the upload of the areas has begun, or during it.
+    for early in [true, false] {
+        let (mut world, mut mission) = ready();
+        mission.fence = Fence::new(vec![circle()]);
+        let items = compiled(&mut world, &mission);
+        handle(&mut world, &mut mission, Input::LinkUp);
+        if early {
+            command(&mut world, &mut mission, transfer(Mode::Load));
+            assert_eq!(answers(&mut world), [AckType::Received]);
+            assert_eq!(world.services.missions.busy(), None, "it waits");
+            let due = mission.poll_timeout().expect("the comparison");
+            assert!(due > world.now.mono && due < world.now.mono + 4 * SECOND);
+        }
+        world.advance(4 * SECOND);
+        handle(&mut world, &mut mission, Input::WatchFence);
+        if !early {
+            command(&mut world, &mut mission, transfer(Mode::Load));
+            assert_eq!(answers(&mut world), [AckType::Received]);
+        }
+        let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+        assert_eq!(world.services.missions.busy(), None, "it is not named yet");
+        world.vehicle.telemetry.mission = named(0, fence_id);
+        handle(&mut world, &mut mission, Input::WatchFence);
+        handle(&mut world, &mut mission, Input::Advance);
+        let id = transferred(&mut world, &mut mission, MISSION, &items);
+        world.vehicle.telemetry.mission = named(id, fence_id);
+        handle(&mut world, &mut mission, Input::Advance);
+        assert!(mission.transfers.is_running(), "it is not judged yet");
+    }
 }
 
 #[test]
