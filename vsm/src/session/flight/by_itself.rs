@@ -240,6 +240,7 @@ impl Flight {
             controlled: context.controller.is_some(),
             // A command that was dropped when control was lost may still take effect: an older report ends no action.
             mode: context.vehicle.settled_mode(),
+            awaits_mode: context.vehicle.awaits_mode(),
             carries_contingency: context.mission.carries(RouteType::ContingencyA),
             completed: self.completed_seen(context.vehicle, &context.mission),
             // A command of the VSM itself that waits for its route belongs to this action.

@@ -94,6 +94,8 @@ pub(super) struct LossContext {
     /// A CUCS holds LOI 4 or 5.
     pub(super) controlled: bool,
     pub(super) mode: Option<Px4Mode>,
+    /// The bridge did not run, and the vehicle has not shown its mode since.
+    pub(super) awaits_mode: bool,
     /// The vehicle carries the route of contingency A.
     pub(super) carries_contingency: bool,
     /// It has flown that route to its end and holds there.
@@ -218,8 +220,8 @@ impl LossAction {
             );
             effects.raise(Cause::LossAction, priority, comms, text);
         }
-        // A pilot may have taken it since the last attempt, which only a later report shows.
-        let unseen = before.tries > 0 && context.mode.is_none();
+        // A pilot may have taken it since the last attempt, or while the bridge did not run, which only a later report shows.
+        let unseen = context.mode.is_none() && (before.tries > 0 || context.awaits_mode);
         if !context.live || context.busy || context.on_final || other.is_some() || unseen {
             // Not counted as an attempt: the vehicle had no chance to refuse.
             self.trying = Some(Trying { next_at, ..before });
@@ -420,6 +422,7 @@ mod tests {
             on_ground: false,
             controlled: false,
             mode: Some(Px4Mode::POSCTL),
+            awaits_mode: false,
             carries_contingency: false,
             completed: false,
             busy: false,
@@ -652,6 +655,38 @@ mod tests {
         };
         assert_eq!(poll(&mut world, &mut machine, taken), None);
         assert!(!machine.is_active());
+    }
+
+    /// The stop of the bridge is also why the CUCS counts as lost.
+    #[test]
+    fn the_first_attempt_after_a_stop_of_the_bridge_waits_for_the_mode() {
+        for on_loss in [OnLoss::Hold, OnLoss::Contingency, OnLoss::Rtl] {
+            let mut world = World::new();
+            let mut machine = begun(&world, on_loss, false);
+            let stopped = LossContext {
+                mode: None,
+                awaits_mode: true,
+                ..flying(&world)
+            };
+            assert_eq!(poll(&mut world, &mut machine, stopped), None);
+            assert!(machine.is_active());
+            world.advance(RETRY_INTERVAL);
+            let flown = LossContext {
+                other: Some(Other::Pilot(Px4Mode::POSCTL)),
+                ..flying(&world)
+            };
+            assert_eq!(poll(&mut world, &mut machine, flown), None);
+            assert!(!machine.is_active());
+        }
+        // Only a command of the VSM is younger than the report: nobody else had the time.
+        let mut world = World::new();
+        let mut machine = begun(&world, OnLoss::Rtl, false);
+        let commanded = LossContext {
+            mode: None,
+            ..flying(&world)
+        };
+        let action = poll(&mut world, &mut machine, commanded);
+        assert_eq!(action, Some(Action::Return));
     }
 
     #[test]

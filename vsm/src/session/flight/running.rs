@@ -218,7 +218,9 @@ impl Flight {
         if controller.is_none() && steered && !context.termination.holds {
             // Without steering it would fly straight on forever.
             let other = self.other(context.vehicle, context.mono());
-            if context.vehicle.telemetry.airborne() && other.is_none() {
+            // A pilot may have taken it while the bridge did not run: what is retried below waits for its mode.
+            let known = !context.vehicle.awaits_mode();
+            if context.vehicle.telemetry.airborne() && other.is_none() && known {
                 self.operate(context, None, &select(Mode::Loiter), false, effects);
             }
             // Retried, as after a loss, if the vehicle is silent at the moment or refuses it.
