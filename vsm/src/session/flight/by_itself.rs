@@ -257,8 +257,9 @@ impl Flight {
             return;
         }
         let mut loss = self.loss_context(context);
-        // On the ground PX4 may be in AUTO.LOITER too.
-        loss.live &= context.vehicle.telemetry.landed.is_some();
+        // On the ground PX4 may be in AUTO.LOITER too. A landed state that is undefined shows neither.
+        let telemetry = &context.vehicle.telemetry;
+        loss.live &= telemetry.stands() || telemetry.airborne();
         self.loss_action.watch_cut_off(&loss, effects);
     }
 
@@ -285,15 +286,13 @@ impl Flight {
     /// ground is disarmed; if it is flying, operators are warned.
     pub(super) fn end_cut_off_launch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let telemetry = &context.vehicle.telemetry;
-        let known = (telemetry.armed, telemetry.landed);
-        // Until both are reported it is not known whether a disarm command would stop a vehicle in the air.
-        let (true, true, (Some(armed), Some(_))) =
-            (self.launch_cut_off, context.vehicle.live(), known)
-        else {
+        let flies = telemetry.airborne();
+        // Until both are known, a disarm command might stop a vehicle in the air. A landed state that is undefined shows neither.
+        let known = context.vehicle.live() && (flies || telemetry.stands());
+        let (true, true, Some(armed)) = (self.launch_cut_off, known, telemetry.armed) else {
             return;
         };
         self.launch_cut_off = false;
-        let flies = telemetry.airborne();
         // A command sent since the restart takes precedence.
         if self.maneuver.is_some() || !(armed || flies) {
             return;

@@ -714,6 +714,42 @@ fn a_vehicle_that_a_pilot_has_armed_is_not_disarmed_for_a_launch_that_was_cut_of
 }
 
 #[test]
+fn nothing_is_disarmed_before_the_vehicle_knows_where_it_is() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    flight.cut_off_launch();
+    let undefined = MavLandedState::MAV_LANDED_STATE_UNDEFINED;
+    world.vehicle.telemetry.landed = Some(undefined);
+    handle(&mut world, &mut flight, Input::EndCutOffLaunch);
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(world.services.commands.poll_transmit(), None);
+    assert!(flight.launch_cut_off, "it is decided later");
+}
+
+/// Another process finds the record of a loss action that was begun, and nobody controls the vehicle.
+fn restarted(world: &mut World, on_loss: OnLoss) -> Flight {
+    world.controller = None;
+    let now = world.now.mono;
+    let (mut before, mut after) = (LossAction::default(), Flight::default());
+    world.act(|_, _, effects| {
+        before.begin(on_loss, false, now);
+        before.store(effects);
+        after.restore(effects).expect("the record is read");
+    });
+    after
+}
+
+#[test]
+fn a_loss_action_that_a_restart_cut_off_waits_until_the_vehicle_is_known_to_fly() {
+    let mut world = World::airborne(Px4Mode::LOITER);
+    let mut flight = restarted(&mut world, OnLoss::Contingency);
+    let undefined = MavLandedState::MAV_LANDED_STATE_UNDEFINED;
+    world.vehicle.telemetry.landed = Some(undefined);
+    assert_eq!(watch(&mut world, &mut flight, 7), []);
+    world.vehicle.telemetry.landed = Some(MavLandedState::MAV_LANDED_STATE_IN_AIR);
+    assert_eq!(watch(&mut world, &mut flight, 1), [Px4Mode::RTL]);
+}
+
+#[test]
 fn a_launch_that_a_restart_cut_off_leaves_no_running_motors_on_the_ground() {
     for airborne in [false, true] {
         let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
