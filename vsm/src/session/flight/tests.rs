@@ -345,6 +345,25 @@ fn steering_of_before_a_stop_of_the_bridge_waits_for_the_mode() {
 }
 
 #[test]
+fn a_steered_vehicle_that_is_released_after_a_stop_of_the_bridge_is_left_to_a_pilot() {
+    for shown in [Px4Mode::OFFBOARD, Px4Mode::POSCTL] {
+        let (mut world, mut flight) = steered();
+        stopped(&mut world, Px4Mode::OFFBOARD);
+        world.commanded_modes();
+        world.controller = None;
+        handle(&mut world, &mut flight, Input::ControlChanged);
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(world.commanded_modes(), [], "until it has shown its mode");
+        world.advance(Duration::from_secs(3));
+        world.show_mode(shown);
+        handle(&mut world, &mut flight, Input::WatchLossAction);
+        handle(&mut world, &mut flight, Input::Advance);
+        let held = world.commanded_modes() == [Px4Mode::LOITER];
+        assert_eq!(held, shown == Px4Mode::OFFBOARD, "{}", shown.name());
+    }
+}
+
+#[test]
 fn sticks_after_a_stop_of_the_bridge_wait_for_the_mode() {
     let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
     command(&mut world, &mut flight, sticks());
