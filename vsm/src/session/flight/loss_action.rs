@@ -41,8 +41,8 @@ pub(super) struct LossAction {
     cut_off: Option<CutOff>,
     /// What the disk has of these.
     stored: Option<Pending>,
-    /// The disk has refused it, which is reported once.
-    unsaved: bool,
+    /// When to write it again: the disk has refused it, which is reported once.
+    unsaved: Option<Duration>,
 }
 
 /// What is pending while nobody controls the vehicle, as a restart finds it.
@@ -268,14 +268,20 @@ impl LossAction {
         let tried = self.trying.map(|trying| Pending::LossAction(trying.action));
         let pending = tried.or(self.cut_off.map(|cut_off| cut_off.pending));
         if pending == self.stored {
+            self.unsaved = None;
             return;
         }
-        let vehicle = effects.id;
+        let (vehicle, now) = (effects.id, effects.dli.now.mono);
+        // The write is synchronous, and every input ends here.
+        if self.unsaved.is_some_and(|again| now < again) {
+            return;
+        }
         match effects.disk().save(&vehicle, &Record { pending }) {
-            Ok(()) => (self.stored, self.unsaved) = (pending, false),
-            Err(_) if self.unsaved => {}
+            Ok(()) => (self.stored, self.unsaved) = (pending, None),
             Err(fault) => {
-                self.unsaved = true;
+                if self.unsaved.replace(now + RETRY_INTERVAL).is_some() {
+                    return;
+                }
                 let text = format!(
                     "the state of the loss action cannot be stored: {fault}; a restart of the VSM would report it wrongly"
                 );
@@ -349,6 +355,11 @@ impl LossAction {
         self.cut_off = Some(cut_off);
     }
 
+    /// When a record that the disk has refused is written again.
+    pub(super) fn save_timeout(&self) -> Option<Duration> {
+        self.unsaved
+    }
+
     /// When it must be polled next.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         self.trying.map(|trying| trying.next_at)
@@ -411,6 +422,8 @@ const RETRY_INTERVAL: Duration = Duration::from_secs(2);
 
 #[cfg(test)]
 mod tests {
+    use mavlink_link::store::MemoryDisk;
+
     use super::*;
     use crate::session::testing::World;
 
@@ -571,6 +584,34 @@ mod tests {
         machine.cut_off_held(3);
         world.act(|_, _, effects| machine.report_cut_off(true, effects));
         assert!(machine.cut_off.is_none(), "who controls decides");
+    }
+
+    /// A write may take long where the disk fails, and the bridge waits for it.
+    #[test]
+    fn a_record_that_the_disk_refuses_is_written_again_two_seconds_later() {
+        let mut world = World::new();
+        let mut machine = begun(&world, OnLoss::Rtl, false);
+        let working = std::mem::replace(&mut world.disk, Box::new(MemoryDisk::default()));
+        world.fill_disk();
+        world.act(|_, _, effects| machine.store(effects));
+        let again = machine.save_timeout().expect("it is not stored");
+        assert_eq!(again, world.now.mono + RETRY_INTERVAL);
+        world.disk = working;
+        world.act(|_, _, effects| machine.store(effects));
+        assert!(machine.stored.is_none(), "not on every input");
+        world.advance(RETRY_INTERVAL);
+        world.act(|_, _, effects| machine.store(effects));
+        assert_eq!(machine.stored, Some(Pending::LossAction(Action::Return)));
+        assert_eq!(machine.save_timeout(), None);
+        // It has ended before the disk has refused it twice: there is nothing to write.
+        let mut machine = begun(&world, OnLoss::Rtl, false);
+        world.fill_disk();
+        world.act(|_, _, effects| {
+            machine.store(effects);
+            machine.end("", effects);
+            machine.store(effects);
+        });
+        assert_eq!(machine.save_timeout(), None);
     }
 
     #[test]

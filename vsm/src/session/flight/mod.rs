@@ -460,6 +460,7 @@ impl Flight {
                 Turn::Contingency => self.contingencies.poll_timeout(),
             },
             self.contingencies.save_timeout(),
+            self.loss_action.save_timeout(),
         ]
         .into_iter()
         .flatten()
