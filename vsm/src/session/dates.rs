@@ -1,4 +1,11 @@
-//! Days and times of day (UTC) as texts: of findings, and of entries of the access list.
+//! Days and times of day (UTC): as texts, of findings and of entries of the access list, and as milliseconds, of records.
+
+use std::time::Duration;
+
+/// Milliseconds since 1970.
+pub(crate) fn wall_ms(wall: Duration) -> u64 {
+    u64::try_from(wall.as_millis()).unwrap_or(u64::MAX)
+}
 
 /// A day, and no time.
 pub(crate) fn day(unix_s: u64) -> String {

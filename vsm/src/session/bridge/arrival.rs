@@ -26,6 +26,7 @@ use crate::session::aircraft::Aircraft;
 use crate::session::authority::rules::Silence;
 use crate::session::authority::{self, Input};
 use crate::session::context::{Continues, Origin};
+use crate::session::dates::wall_ms;
 use crate::session::duplicates::{Seen, Verdict, is_command, stamps_apart_ms};
 use crate::session::editions::{DEMAND, MadeOf};
 use crate::session::findings::dli::Fault;
@@ -261,8 +262,7 @@ impl Bridge {
             self.dispatch(now, origin, header.destination, &message, disk);
             return true;
         };
-        let wall_ms = u64::try_from(now.wall.as_millis()).unwrap_or(u64::MAX);
-        let ahead_ms = stamps_apart_ms(stamp, TimeStamp::from_unix_ms(wall_ms));
+        let ahead_ms = stamps_apart_ms(stamp, TimeStamp::from_unix_ms(wall_ms(now.wall)));
         self.stations[index].clock.note(now.mono, ahead_ms);
         let ack_requested = origin.ack_requested;
         let number = made_of.map(|made| made.number);

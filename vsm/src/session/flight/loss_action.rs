@@ -29,6 +29,7 @@ use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use crate::config::OnLoss;
 use crate::session::alerts::Cause;
 use crate::session::contingency::priority::Urgency;
+use crate::session::dates::wall_ms;
 use crate::session::effects::Effects;
 use crate::session::other::Other;
 use crate::session::store::vehicle_record;
@@ -56,6 +57,9 @@ enum Pending {
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Record {
     pending: Option<Pending>,
+    /// When it was written, milliseconds since 1970.
+    #[serde(default)]
+    written_ms: u64,
 }
 
 vehicle_record!(Record, "loss-action", Power);
@@ -63,6 +67,8 @@ vehicle_record!(Record, "loss-action", Power);
 #[derive(Debug, Clone, Copy)]
 struct CutOff {
     pending: Pending,
+    /// When that began, milliseconds since 1970.
+    written_ms: u64,
     /// When the vehicle first showed its mode after the restart.
     since: Option<Duration>,
     /// It is left as it is.
@@ -276,7 +282,11 @@ impl LossAction {
         if self.unsaved.is_some_and(|again| now < again) {
             return;
         }
-        match effects.disk().save(&vehicle, &Record { pending }) {
+        let record = Record {
+            pending,
+            written_ms: wall_ms(effects.dli.now.wall),
+        };
+        match effects.disk().save(&vehicle, &record) {
             Ok(()) => (self.stored, self.unsaved) = (pending, None),
             Err(fault) => {
                 if self.unsaved.replace(now + RETRY_INTERVAL).is_some() {
@@ -297,15 +307,18 @@ impl LossAction {
     pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let vehicle = effects.id;
         let record = effects.disk().load::<Record>(&vehicle)?;
-        self.stored = record.and_then(|record| record.pending);
-        self.cut_off = self.stored.map(CutOff::of);
+        let record = record.unwrap_or_default();
+        self.stored = record.pending;
+        self.cut_off = record
+            .pending
+            .map(|pending| CutOff::of(pending, record.written_ms));
         Ok(())
     }
 
     /// A restart has interrupted a held contingency of this number.
     pub(super) fn cut_off_held(&mut self, number: u16) {
         self.cut_off
-            .get_or_insert(CutOff::of(Pending::Held(number)));
+            .get_or_insert(CutOff::of(Pending::Held(number), 0));
     }
 
     /// Reports what a restart has cut off; `controlled`: a CUCS has control, and decides.
@@ -334,7 +347,10 @@ impl LossAction {
         // A hold that was commanded just before the restart is shown a little later.
         let since = *cut_off.since.get_or_insert(context.now);
         let settles = context.now < since + SETTLES_WITHIN;
-        if let (true, Px4Mode::LOITER, Some(action)) = (settles, mode, action) {
+        // A bridge that was off for long, or was given the record of another, finds a hold that somebody else commanded.
+        let age_ms = wall_ms(effects.dli.now.wall).checked_sub(cut_off.written_ms);
+        let recent = age_ms.is_some_and(|age_ms| age_ms <= RECENT_MS);
+        if let (true, true, Px4Mode::LOITER, Some(action)) = (settles, recent, mode, action) {
             self.cut_off = None;
             // As where it was refused: the return follows, which the alert then names.
             self.trying = Some(Trying {
@@ -367,9 +383,10 @@ impl LossAction {
 }
 
 impl CutOff {
-    fn of(pending: Pending) -> CutOff {
+    fn of(pending: Pending, written_ms: u64) -> CutOff {
         CutOff {
             pending,
+            written_ms,
             since: None,
             left: false,
         }
@@ -417,6 +434,8 @@ fn name(action: Action) -> &'static str {
 const MAX_TRIES: u32 = 2;
 /// How long after a restart the mode of the vehicle may still follow from a command of before.
 const SETTLES_WITHIN: Duration = Duration::from_secs(5);
+/// How old an action may be whose hold a restart ends by a return.
+const RECENT_MS: u64 = 60_000;
 /// Time between two attempts or checks.
 const RETRY_INTERVAL: Duration = Duration::from_secs(2);
 
@@ -567,6 +586,38 @@ mod tests {
             ..flying(&world)
         };
         assert_eq!(commanded(&mut world, &mut machine, taken, 7), []);
+    }
+
+    /// A bridge that was off for days, or a clock that was set back, finds a hold of somebody else.
+    #[test]
+    fn what_a_restart_has_cut_off_long_ago_is_only_reported() {
+        let minute = Duration::from_secs(60);
+        for (later, acts) in [(minute, true), (minute + RETRY_INTERVAL, false)] {
+            let mut world = World::new();
+            let mut machine = cut_off(&mut world, OnLoss::Contingency);
+            world.now.wall += later;
+            let holds = LossContext {
+                mode: Some(Px4Mode::LOITER),
+                ..flying(&world)
+            };
+            let actions = commanded(&mut world, &mut machine, holds, 1);
+            assert_eq!(!actions.is_empty(), acts);
+        }
+        for back in [false, true] {
+            let mut world = World::new();
+            let mut machine = cut_off(&mut world, OnLoss::Contingency);
+            world.now.wall = if back {
+                world.now.wall - Duration::from_secs(10)
+            } else {
+                world.now.wall + Duration::from_secs(86_400)
+            };
+            let holds = LossContext {
+                mode: Some(Px4Mode::LOITER),
+                ..flying(&world)
+            };
+            assert_eq!(commanded(&mut world, &mut machine, holds, 7), []);
+            assert!(standing(&world)[0].ends_with("AUTO.LOITER, nothing is commanded"));
+        }
     }
 
     #[test]

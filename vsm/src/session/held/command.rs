@@ -7,7 +7,7 @@ use stanag_msgs::enums::{AckType, HoldCondition, HoldKind};
 use stanag_msgs::messages::{HeldCommandCancel, HoldCommand};
 use stanag_msgs::{Id, Message, table};
 
-use super::condition::{Condition, wall_ms};
+use super::condition::Condition;
 use super::input::Context;
 use super::others::moves;
 use super::record::{Entry, State};
@@ -15,6 +15,7 @@ use super::{Held, right_for};
 use crate::config::OnLoss;
 use crate::session::authority::{rules::Rights, rules::Stations};
 use crate::session::context::Origin;
+use crate::session::dates::wall_ms;
 use crate::session::effects::Effects;
 
 impl Held {

@@ -12,6 +12,7 @@ use stanag_msgs::messages::HoldCommand;
 
 use super::input::Context;
 use crate::session::authority::rules::Silence;
+use crate::session::dates::wall_ms;
 use crate::session::station::GroundStation;
 
 /// A condition.
@@ -290,11 +291,6 @@ fn stored(number: u16, context: &Context<'_>) -> Result<Outline, String> {
     let found = areas.iter().find(|(id, _)| *id == number);
     let (_, area) = found.ok_or_else(|| format!("no area {number} has been received (50016)"))?;
     Ok(Outline::of(area))
-}
-
-/// Milliseconds since 1970.
-pub(super) fn wall_ms(wall: Duration) -> u64 {
-    u64::try_from(wall.as_millis()).unwrap_or(u64::MAX)
 }
 
 /// How long low energy must be reported, as for an alert.

@@ -37,12 +37,13 @@ use mavlink_link::store::{Changes, Store as _, StoreError};
 use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LoiBitmap};
 use stanag_msgs::{Id, Message, table};
 
-use self::condition::{Condition, wall_ms};
+use self::condition::Condition;
 pub(crate) use self::input::{Context, Input};
 use self::others::moves;
 use self::record::{Entry, Record, State};
 use super::alerts::Cause;
 use super::authority;
+use super::dates::wall_ms;
 use super::duplicates::Seen;
 use super::effects::Effects;
 use super::flight;
