@@ -106,7 +106,7 @@ fn a_contingency_that_a_restart_cuts_off_is_reported_and_gives_way_to_the_return
     assert!(returns, "{alerts:?}");
     for text in [
         "the loss action (fly contingency A) was cut off by a restart of the VSM",
-        "does not fly contingency A: commanding return",
+        "the vehicle only holds: commanding return",
         "the vehicle carries out the loss action",
     ] {
         assert!(rig.stations[1].has_alert(text), "{text}: {alerts:?}");

@@ -38,7 +38,7 @@ use crate::session::store::vehicle_record;
 #[derive(Debug, Default)]
 pub(super) struct LossAction {
     trying: Option<Trying>,
-    /// What a restart has cut off, until somebody decides.
+    /// What a restart has cut off, until somebody decides. Beside `trying` until its return is commanded.
     cut_off: Option<CutOff>,
     /// What the disk has of these.
     stored: Option<Pending>,
@@ -180,12 +180,13 @@ impl LossAction {
 
     /// The controlling CUCS was lost; `steered`: it was steering by set points.
     pub(super) fn begin(&mut self, on_loss: OnLoss, steered: bool, now: Duration) {
-        self.cut_off = None;
         self.trying = Action::of(on_loss, steered).map(|action| Trying {
             action,
             tries: 0,
             next_at: now,
         });
+        // Where nothing is flown instead, it stays reported.
+        self.cut_off = self.cut_off.filter(|_| self.trying.is_none());
     }
 
     /// The action to command now, if one is due.
@@ -195,16 +196,19 @@ impl LossAction {
         effects: &mut Effects<'_>,
     ) -> Option<Action> {
         let before = self.trying?;
-        // Checked before the next attempt is due, so that the alert is cleared as soon as the vehicle reports the action.
-        if let Some(reason) = finished(context, before.action) {
+        if self.cut_off.is_some() && context.mode != Some(Px4Mode::LOITER) {
+            // A contingency went first, and the vehicle no longer holds: it is decided again.
             self.trying = None;
-            effects.clear(Cause::LossAction, reason);
+            return None;
+        }
+        // Checked before the next attempt is due, so that the alert is cleared as soon as the vehicle reports the action.
+        if let Some(reason) = finished(context, Some(before.action)) {
+            self.end(reason, effects);
             return None;
         }
         let other = context.other.filter(|_| context.live);
         if let Some(other @ Other::Pilot(_)) = other {
-            self.trying = None;
-            effects.clear(Cause::LossAction, "a pilot has the vehicle");
+            self.end("a pilot has the vehicle", effects);
             effects.warn_of_link(format!(
                 "nobody controls the vehicle, and {other}: no loss action is flown"
             ));
@@ -243,10 +247,17 @@ impl LossAction {
         if action == Action::Contingency && !context.may_change_mission {
             action = Action::Return;
         }
-        if before.tries == 0 {
-            effects.clear(Cause::LossAction, "PX4's failsafe has ended, or only holds");
+        let cut_off = self.cut_off.take();
+        if before.tries == 0 && cut_off.is_none() {
+            effects.clear(Cause::LossAction, "the loss action is commanded");
         } else {
-            let text = if before.action == action {
+            let text = if let Some(cut_off) = cut_off {
+                format!(
+                    "{}, and the vehicle only holds: commanding {}",
+                    cut_off.what(),
+                    name(action)
+                )
+            } else if before.action == action {
                 format!(
                     "nobody controls the vehicle and it does not {}: attempt {tries}",
                     name(before.action)
@@ -272,7 +283,8 @@ impl LossAction {
     /// Stores what is pending. An action is flown also where the disk refuses that: only a restart would not report it.
     pub(super) fn store(&mut self, effects: &mut Effects<'_>) {
         let tried = self.trying.map(|trying| Pending::LossAction(trying.action));
-        let pending = tried.or(self.cut_off.map(|cut_off| cut_off.pending));
+        // What was cut off keeps its age until its return is commanded.
+        let pending = self.cut_off.map(|cut_off| cut_off.pending).or(tried);
         if pending == self.stored {
             self.unsaved = None;
             return;
@@ -334,11 +346,13 @@ impl LossAction {
         let Some(mut cut_off) = self.cut_off else {
             return;
         };
+        // What was taken up and could not be commanded is decided again.
+        self.trying = None;
         let action = match cut_off.pending {
             Pending::LossAction(action) => Some(action),
             Pending::Held(_) => None,
         };
-        if let Some(reason) = finished(context, action.unwrap_or(Action::Return)) {
+        if let Some(reason) = finished(context, action) {
             return self.end(reason, effects);
         }
         let (true, Some(mode)) = (context.live, context.mode) else {
@@ -350,15 +364,15 @@ impl LossAction {
         // A bridge that was off for long, or was given the record of another, finds a hold that somebody else commanded.
         let age_ms = wall_ms(effects.dli.now.wall).checked_sub(cut_off.written_ms);
         let recent = age_ms.is_some_and(|age_ms| age_ms <= RECENT_MS);
-        if let (true, true, Px4Mode::LOITER, Some(action)) = (settles, recent, mode, action) {
-            self.cut_off = None;
-            // As where it was refused: the return follows, which the alert then names.
+        // What would make it wait may lead to another mode: then the vehicle no longer only holds.
+        let free = context.other.is_none() && !context.on_final && !context.busy;
+        let holds = mode == Px4Mode::LOITER && action.is_some();
+        if settles && recent && free && holds {
             self.trying = Some(Trying {
-                action,
-                tries: MAX_TRIES,
+                action: Action::Return,
+                tries: 0,
                 next_at: context.now,
             });
-            return;
         }
         if !settles && !cut_off.left {
             cut_off.left = true;
@@ -392,21 +406,27 @@ impl CutOff {
         }
     }
 
-    fn raise(self, follows: &str, effects: &mut Effects<'_>) {
+    fn what(self) -> String {
         let what = match self.pending {
             Pending::LossAction(action) => format!("the loss action ({})", name(action)),
             Pending::Held(number) => format!("held command {number}, a contingency,"),
         };
+        format!("{what} was cut off by a restart of the VSM")
+    }
+
+    fn raise(self, follows: &str, effects: &mut Effects<'_>) {
         let text = format!(
-            "{what} was cut off by a restart of the VSM, and nobody controls the vehicle: take control{follows}"
+            "{}, and nobody controls the vehicle: take control{follows}",
+            self.what()
         );
         let (priority, comms) = (AlertPriority::Emergency, SubsystemId::Comms);
         effects.raise(Cause::LossAction, priority, comms, text);
     }
 }
 
-/// Why the action has ended, for the text of the cleared alert.
-fn finished(context: &LossContext, action: Action) -> Option<&'static str> {
+/// Why the action has ended, for the text of the cleared alert. Without an action (a held contingency) it ends where the vehicle
+/// returns or lands.
+fn finished(context: &LossContext, action: Option<Action>) -> Option<&'static str> {
     // With or without a link, the CUCS in control decides.
     if context.controlled {
         return Some("another CUCS controls the vehicle");
@@ -418,8 +438,13 @@ fn finished(context: &LossContext, action: Action) -> Option<&'static str> {
     if context.on_ground {
         return Some("vehicle is on the ground");
     }
-    let shown = action.is_shown(context.mode, context.carries_contingency, context.completed);
-    shown.then_some("the vehicle carries out the loss action")
+    let (shown, reason) = match action {
+        Some(action) => (action, "the vehicle carries out the loss action"),
+        None => (Action::Return, "the vehicle returns or lands"),
+    };
+    shown
+        .is_shown(context.mode, context.carries_contingency, context.completed)
+        .then_some(reason)
 }
 
 fn name(action: Action) -> &'static str {
@@ -542,7 +567,13 @@ mod tests {
             commanded(&mut world, &mut machine, holds, 1),
             [Action::Return]
         );
-        assert!(standing(&world)[0].ends_with("does not fly contingency A: commanding return"));
+        assert_eq!(
+            standing(&world),
+            [
+                "the loss action (fly contingency A) was cut off by a restart of the VSM, and the vehicle only holds: \
+                 commanding return"
+            ]
+        );
         let returns = LossContext {
             mode: Some(Px4Mode::RTL),
             ..holds
@@ -586,6 +617,101 @@ mod tests {
             ..flying(&world)
         };
         assert_eq!(commanded(&mut world, &mut machine, taken, 7), []);
+    }
+
+    #[test]
+    fn what_a_restart_has_cut_off_does_not_wait_for_its_return_in_another_mode() {
+        let failsafe = Some(Other::Failsafe(Px4Mode::LOITER));
+        for (other, on_final, busy) in [
+            (failsafe, false, false),
+            (None, true, false),
+            (None, false, true),
+        ] {
+            for still_holds in [false, true] {
+                let mut world = World::new();
+                let mut machine = cut_off(&mut world, OnLoss::Contingency);
+                let waits = LossContext {
+                    mode: Some(Px4Mode::LOITER),
+                    other,
+                    on_final,
+                    busy,
+                    ..flying(&world)
+                };
+                assert_eq!(commanded(&mut world, &mut machine, waits, 2), []);
+                assert!(machine.is_cut_off() && !machine.is_active());
+                let mode = if still_holds {
+                    Px4Mode::LOITER
+                } else {
+                    Px4Mode::MISSION
+                };
+                let free = LossContext {
+                    mode: Some(mode),
+                    ..flying(&world)
+                };
+                let actions = commanded(&mut world, &mut machine, free, 1);
+                assert_eq!(actions == [Action::Return], still_holds);
+                if !still_holds {
+                    assert_eq!(commanded(&mut world, &mut machine, free, 7), []);
+                    assert!(standing(&world)[0].ends_with("nothing is commanded"));
+                }
+            }
+        }
+    }
+
+    /// A contingency goes first, and takes the vehicle out of its hold.
+    #[test]
+    fn what_a_restart_has_cut_off_is_decided_again_where_it_was_not_its_turn() {
+        let mut world = World::new();
+        let mut machine = cut_off(&mut world, OnLoss::Contingency);
+        let holds = LossContext {
+            mode: Some(Px4Mode::LOITER),
+            ..flying(&world)
+        };
+        world.act(|_, _, effects| {
+            machine.watch_cut_off(&holds, effects);
+            machine.store(effects);
+        });
+        assert!(machine.is_active() && machine.is_cut_off());
+        let before = Some(Pending::LossAction(Action::Contingency));
+        assert_eq!(machine.stored, before);
+        let flown = LossContext {
+            mode: Some(Px4Mode::MISSION),
+            ..holds
+        };
+        assert_eq!(poll(&mut world, &mut machine, flown), None);
+        assert!(!machine.is_active() && machine.is_cut_off());
+    }
+
+    #[test]
+    fn what_a_restart_has_cut_off_stays_reported_where_a_later_loss_flies_nothing() {
+        for (on_loss, stays) in [(OnLoss::Continue, true), (OnLoss::Rtl, false)] {
+            let mut world = World::new();
+            let mut machine = cut_off(&mut world, OnLoss::Contingency);
+            machine.begin(on_loss, false, world.now.mono);
+            assert_eq!(machine.is_cut_off(), stays);
+            let elsewhere = flying(&world);
+            commanded(&mut world, &mut machine, elsewhere, 1);
+            assert_eq!(standing(&world).len(), usize::from(stays));
+        }
+    }
+
+    #[test]
+    fn a_return_that_a_restart_has_cut_off_is_not_named_as_refused() {
+        let mut world = World::new();
+        let mut machine = cut_off(&mut world, OnLoss::Rtl);
+        let holds = LossContext {
+            mode: Some(Px4Mode::LOITER),
+            ..flying(&world)
+        };
+        let actions = commanded(&mut world, &mut machine, holds, 1);
+        assert_eq!(actions, [Action::Return]);
+        assert!(standing(&world)[0].ends_with("and the vehicle only holds: commanding return"));
+        let returns = LossContext {
+            mode: Some(Px4Mode::RTL),
+            ..holds
+        };
+        let of_held = finished(&returns, None);
+        assert_eq!(of_held, Some("the vehicle returns or lands"));
     }
 
     /// A bridge that was off for days, or a clock that was set back, finds a hold of somebody else.
