@@ -78,6 +78,17 @@ impl VehicleState {
         self.note_mode(now, true);
     }
 
+    /// Makes it report the progress of its mission just now, without a link.
+    #[cfg(test)]
+    pub(crate) fn show_progress(
+        &mut self,
+        now: Duration,
+        progress: Option<mapping::telemetry::MissionProgress>,
+    ) {
+        self.telemetry.mission = progress;
+        self.progress_at = Some(now);
+    }
+
     /// Sends it a command that may change its mode, without a link.
     #[cfg(test)]
     pub(crate) fn command_was_sent(&mut self) {

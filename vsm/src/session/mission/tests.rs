@@ -109,6 +109,20 @@ fn fence_items() -> Vec<Item> {
     points.iter().map(|point| point.item).collect()
 }
 
+/// The vehicle takes this area of the configuration, and has read it; returns the id of its fence.
+fn bounded(world: &mut World, mission: &mut Mission, area: Area) -> u32 {
+    let points = mapping::area::fence(std::slice::from_ref(&area), &[], None).expect("a fence");
+    let items: Vec<Item> = points.iter().map(|point| point.item).collect();
+    mission.set_areas(vec![area], world.now.mono);
+    handle(world, mission, Input::WatchFence);
+    let id = transferred(world, mission, FENCE, &items);
+    world.vehicle.telemetry.mission = named(0, id);
+    handle(world, mission, Input::WatchFence);
+    assert!(!mission.fence.busy());
+    world.advance(2 * SECOND);
+    id
+}
+
 /// What is begun for the fence or the rally points once the vehicle's link is up.
 fn looked(world: &mut World, mission: &mut Mission) -> Option<Operation> {
     handle(world, mission, Input::LinkUp);
@@ -687,14 +701,14 @@ fn a_vehicle_that_holds_a_route_whose_load_was_cancelled_or_failed_is_named_once
 /// PX4 names items, counted from 1, and nothing where it has judged the route before.
 #[test]
 fn an_infeasible_route_is_refused_with_the_waypoint_of_the_station() {
-    for (complaint, waypoint, expected) in [
+    for (complaints, waypoint, expected) in [
         (
-            Some("Geofence violation for waypoint 1"),
+            &["Geofence violation for waypoint 1"][..],
             1,
             "(Geofence violation for waypoint 1); item 1 of the vehicle's mission is waypoint 1",
         ),
         (
-            None,
+            &[][..],
             2,
             "finds the route infeasible: waypoint 2 breaches the fence",
         ),
@@ -708,19 +722,20 @@ fn an_infeasible_route_is_refused_with_the_waypoint_of_the_station() {
             keep_in: true,
             shape: around_the_first,
         };
-        mission.set_areas(vec![area], world.now.mono);
+        let fence_id = bounded(&mut world, &mut mission, area);
         let items = compiled(&mut world, &mission);
         command(&mut world, &mut mission, transfer(Mode::Load));
         let id = transferred(&mut world, &mut mission, MISSION, &items);
-        if let Some(complaint) = complaint {
+        for complaint in complaints {
             world.vehicle.complain(world.now.mono, complaint);
         }
-        world.vehicle.telemetry.mission = named(id, 0).map(|mission| MissionProgress {
+        let found = named(id, fence_id).map(|mission| MissionProgress {
             state: MissionState::MISSION_STATE_NO_MISSION,
             ..mission
         });
         world.sent_to(0);
         world.advance(6 * SECOND);
+        world.vehicle.show_progress(world.now.mono, found);
         handle(&mut world, &mut mission, Input::Advance);
         let sent = world.sent_to(0);
         let requested = sent.iter().find_map(|message| match message {
