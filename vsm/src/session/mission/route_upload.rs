@@ -448,11 +448,12 @@ impl RouteUpload {
     ) -> Outcome {
         let complaint = self.complaint(state);
         let named = item_named(&complaint);
-        // PX4 does not judge a route again that it holds already, and gives no reason then.
+        // PX4 does not judge a route again that it holds already, and gives no reason then; what it complains of meanwhile is
+        // about something else.
         let found = || {
             fence
                 .first_breach(compiled)
-                .filter(|_| complaint.is_empty())
+                .filter(|_| !is_of_judgement(&complaint))
         };
         let item = named.or_else(found);
         let of = item.and_then(|item| compiled.item_in_words(item));
@@ -521,6 +522,12 @@ fn item_named(complaint: &str) -> Option<usize> {
     let (_, number) = named.next()?;
     let number = number.split(|c: char| !c.is_ascii_digit()).next()?;
     number.parse::<usize>().ok()?.checked_sub(1)
+}
+
+/// Whether PX4 v1.18 complains of the mission itself.
+fn is_of_judgement(complaint: &str) -> bool {
+    let texts = ["Mission rejected", "feasib", "Geofence violation"];
+    texts.iter().any(|text| complaint.contains(text))
 }
 
 fn is_of_upload(fault: &Fault) -> bool {

@@ -712,6 +712,11 @@ fn an_infeasible_route_is_refused_with_the_waypoint_of_the_station() {
             2,
             "finds the route infeasible: waypoint 2 breaches the fence",
         ),
+        (
+            &["High wind speed detected"][..],
+            2,
+            "(High wind speed detected): waypoint 2 breaches the fence",
+        ),
     ] {
         let (mut world, mut mission) = ready();
         let around_the_first = Shape::Circle {
