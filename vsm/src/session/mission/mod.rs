@@ -332,7 +332,14 @@ impl Mission {
                     let streamed = context.flight.streams_curve;
                     let wings = context.parameters.wings(context);
                     let circle_m = wings.map(|wings| wings.loiter_radius_m.abs());
-                    progress.look(&uploaded.compiled, telemetry, streamed, circle_m);
+                    let reported_at = context.vehicle.progress_at();
+                    progress.look(
+                        &uploaded.compiled,
+                        telemetry,
+                        streamed,
+                        circle_m,
+                        reported_at,
+                    );
                 }
                 store.keep_end(progress.has_ended(), context.mono(), effects);
                 let uploaded = store.uploaded.as_ref();

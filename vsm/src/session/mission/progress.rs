@@ -9,6 +9,8 @@
 //! the previous one until the vehicle reaches the next. That a route was flown to its end is stored ([`super::store`]): in
 //! AUTO.LAND PX4 v1.18 no longer reports it.
 
+use std::time::Duration;
+
 use mapping::mode::Px4Mode;
 use mapping::report::Along;
 use mapping::route::CompiledMission;
@@ -34,6 +36,8 @@ pub(crate) struct RouteProgress {
     /// The leg that it flew to in AUTO.MISSION before this one, unless it was sent here.
     left: Option<usize>,
     end: End,
+    /// When PX4 was first seen to report it as complete while it flies it.
+    complete_since: Option<Duration>,
     /// The vehicle is known to be elsewhere than at the end of the route.
     away: bool,
     /// Completed laps of the loop.
@@ -126,13 +130,14 @@ impl RouteProgress {
 
     /// Updates from the vehicle's present report. `streamed`: it follows a curve of the route in OFFBOARD, where PX4 reports no
     /// item as reached; the VSM then sets the current item as the curve passes it. `circle_m`: the radius of the vehicle's own
-    /// circles, if it circles where it holds.
+    /// circles, if it circles where it holds. `reported_at`: when it last sent MISSION_CURRENT.
     pub(crate) fn look(
         &mut self,
         compiled: &CompiledMission,
         vehicle: &Telemetry,
         streamed: bool,
         circle_m: Option<f64>,
+        reported_at: Option<Duration>,
     ) {
         // Where it was last known to hold counts until its position is known again, which a stop of the bridge or a silence has it
         // forget. Where it was on its way does not.
@@ -144,7 +149,8 @@ impl RouteProgress {
         let to = compiled.leg_of_item(mission.seq);
         self.watch_mode(vehicle);
         let over = self.is_complete(compiled, vehicle);
-        self.watch_end(compiled, vehicle, over, to != self.to);
+        let stays = self.stays_complete(vehicle, over, reported_at);
+        self.watch_end(compiled, vehicle, (over, stays), to != self.to);
         if to != self.to {
             let led_back = compiled
                 .circuit()
@@ -203,19 +209,37 @@ impl RouteProgress {
         }
     }
 
-    /// Keeps the end of the route until the mission is flown again. `over`: PX4 reports the route as complete; `moves`: another leg as
-    /// the current one.
+    /// Whether PX4 reports the route as complete in more than one report while it flies it. The first may be from before: AUTO.TAKEOFF
+    /// has completed something too, and is taken back only once AUTO.MISSION has begun.
+    fn stays_complete(
+        &mut self,
+        vehicle: &Telemetry,
+        over: bool,
+        reported_at: Option<Duration>,
+    ) -> bool {
+        let flies = vehicle.mode == Some(Px4Mode::MISSION) && vehicle.airborne();
+        let reported_at = reported_at.filter(|_| flies && over);
+        let since = self.complete_since.filter(|_| reported_at.is_some());
+        self.complete_since = since.or(reported_at);
+        let lasted = since.zip(reported_at);
+        lasted.is_some_and(|(since, at)| at >= since + TAKEN_BACK_WITHIN)
+    }
+
+    /// Keeps the end of the route until the mission is flown again. `over`: PX4 reports the route as complete; `stays`: in more than one
+    /// report while it flies it; `moves`: another leg as the current one.
     fn watch_end(
         &mut self,
         compiled: &CompiledMission,
         vehicle: &Telemetry,
-        over: bool,
+        (over, stays): (bool, bool),
         moves: bool,
     ) {
         let flies = vehicle.mode == Some(Px4Mode::MISSION);
         let last = compiled.order.len().checked_sub(1);
-        // A report from before a restart of the mission may still call it complete: only behind its last waypoint it is.
-        let ends = over && self.was_flown() && self.from.is_some() && self.from == last;
+        // A report from before a restart of the mission may still call it complete: behind its last waypoint it is, or where that was
+        // reached unseen, in a silence or while the bridge was down, and PX4 calls it so again.
+        let behind_last = self.was_flown() && self.from.is_some() && self.from == last;
+        let ends = over && (behind_last || stays);
         match self.end {
             End::Ahead if ends => self.end = End::Reached,
             End::Ahead => {}
@@ -309,6 +333,9 @@ fn is_at_its_last_waypoint(compiled: &CompiledMission, seq: u16) -> bool {
     first.is_some_and(|first| usize::from(seq) >= first)
 }
 
+/// PX4 takes back what another mode has completed in the turn of its navigator in which AUTO.MISSION begins, at 20 Hz; then it has
+/// to send that.
+const TAKEN_BACK_WITHIN: Duration = Duration::from_millis(500);
 /// A hold at a height is within this of it, also on wings, m.
 const HEIGHT_NEAR_M: f64 = 20.0;
 
@@ -366,7 +393,7 @@ mod tests {
         let (compiled, vehicle) = (compiled(commands), at_the_end(Px4Mode::MISSION));
         let mut progress = RouteProgress::default();
         progress.begin(&vehicle);
-        progress.look(&compiled, &vehicle, false, None);
+        progress.look(&compiled, &vehicle, false, None, None);
         progress.along(&compiled, &vehicle).from
     }
 
@@ -389,8 +416,8 @@ mod tests {
                 .mission
                 .map(|mission| MissionProgress { state, ..mission });
             // What was reached counts from the next report on.
-            progress.look(&compiled, &vehicle, false, None);
-            progress.look(&compiled, &vehicle, false, None);
+            progress.look(&compiled, &vehicle, false, None, None);
+            progress.look(&compiled, &vehicle, false, None, None);
             (
                 progress.is_over(&compiled, &vehicle),
                 progress.stays_at_end(&compiled, &vehicle),
@@ -455,7 +482,7 @@ mod tests {
             });
             // This process has seen it reach the end, or begins there.
             for mut progress in [RouteProgress::ended(&compiled), RouteProgress::default()] {
-                progress.look(&compiled, &vehicle, false, circle_m);
+                progress.look(&compiled, &vehicle, false, circle_m, None);
                 let there = progress.stays_at_end(&compiled, &vehicle);
                 assert_eq!(there, expected, "{circle_m:?} {north_m} {above_m}");
                 // Wherever it holds, the route has ended.
@@ -470,13 +497,13 @@ mod tests {
             ..home
         });
         for _ in 0..2 {
-            progress.look(&compiled, &vehicle, false, None);
+            progress.look(&compiled, &vehicle, false, None, None);
             assert!(!progress.stays_at_end(&compiled, &vehicle));
             vehicle.position = None;
         }
         // What was never known proves nothing.
         let mut progress = RouteProgress::ended(&compiled);
-        progress.look(&compiled, &vehicle, false, None);
+        progress.look(&compiled, &vehicle, false, None, None);
         assert!(progress.stays_at_end(&compiled, &vehicle));
     }
 
@@ -491,7 +518,7 @@ mod tests {
             vehicle
         };
         let look = |progress: &mut RouteProgress, vehicle: &Telemetry| {
-            progress.look(&compiled, vehicle, false, None);
+            progress.look(&compiled, vehicle, false, None, None);
             assert_eq!(progress.has_ended(), progress.is_over(&compiled, vehicle));
             let stays = progress.stays_at_end(&compiled, vehicle);
             (progress.has_ended(), stays)
@@ -551,7 +578,7 @@ mod tests {
             // What was reached counts from the next report on.
             for _ in 0..2 {
                 self.progress
-                    .look(&self.compiled, &self.vehicle, false, None);
+                    .look(&self.compiled, &self.vehicle, false, None, None);
             }
         }
 
@@ -603,6 +630,32 @@ mod tests {
         at.look(Px4Mode::MISSION, AIR, 3, COMPLETE);
         assert!(at.is_over() && at.progress.has_ended());
         assert_eq!(at.along(), [Some(3), None, None]);
+    }
+
+    /// Its last waypoint was reached in a silence, or while the bridge was down.
+    #[test]
+    fn a_route_that_has_ended_unseen_stays_over_in_the_modes_that_follow() {
+        let complete = |seen: &[u64]| {
+            let mut at = Followed::uploaded(of_four());
+            at.look(Px4Mode::MISSION, AIR, 0, ACTIVE);
+            at.vehicle.reached = Some(0);
+            at.look(Px4Mode::MISSION, AIR, 1, ACTIVE);
+            at.vehicle.reached = None;
+            let mission = at.vehicle.mission.as_mut().expect("it reports one");
+            (mission.seq, mission.state) = (3, COMPLETE);
+            for at_ms in seen {
+                let reported_at = Some(Duration::from_millis(*at_ms));
+                at.progress
+                    .look(&at.compiled, &at.vehicle, false, None, reported_at);
+            }
+            at.look(Px4Mode::LAND, AIR, 3, ACTIVE);
+            at.look(Px4Mode::LOITER, AIR, 3, ACTIVE);
+            (at.is_over(), at.progress.has_ended())
+        };
+        assert_eq!(complete(&[5_000, 6_000]), (true, true));
+        // One report, however often it is looked at, may be from before the mode; so may one right behind it.
+        assert_eq!(complete(&[5_000, 5_000]), (false, false));
+        assert_eq!(complete(&[5_000, 5_050]), (false, false));
     }
 
     #[test]
