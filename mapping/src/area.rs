@@ -49,9 +49,40 @@ impl Area {
     /// Whether a place, degrees north and east, lies within the outline.
     #[must_use]
     pub fn contains(&self, at: (f64, f64)) -> bool {
-        match &self.shape {
-            Shape::Polygon(corners) => outline(corners).contains(&Point::new(at.1, at.0)),
-            Shape::Circle { centre, radius_m } => metres(*centre, at) <= *radius_m,
+        self.bound().contains(at)
+    }
+
+    fn bound(&self) -> Bound {
+        let inside = match &self.shape {
+            Shape::Polygon(corners) => Inside::Polygon(outline(corners)),
+            Shape::Circle { centre, radius_m } => Inside::Circle {
+                centre: *centre,
+                radius_m: *radius_m,
+            },
+        };
+        Bound {
+            keep_in: self.keep_in,
+            inside,
+        }
+    }
+}
+
+/// An area to test places against: its polygon is built once for all of them.
+struct Bound {
+    keep_in: bool,
+    inside: Inside,
+}
+
+enum Inside {
+    Polygon(Polygon),
+    Circle { centre: (f64, f64), radius_m: f64 },
+}
+
+impl Bound {
+    fn contains(&self, at: (f64, f64)) -> bool {
+        match &self.inside {
+            Inside::Polygon(outline) => outline.contains(&Point::new(at.1, at.0)),
+            Inside::Circle { centre, radius_m } => metres(*centre, at) <= *radius_m,
         }
     }
 }
@@ -60,17 +91,28 @@ impl Area {
 /// outside.
 #[must_use]
 pub fn is_breached(areas: &[Area], at: (f64, f64)) -> bool {
-    let (keep_in, keep_out): (Vec<&Area>, Vec<&Area>) = areas.iter().partition(|one| one.keep_in);
-    let outside = !keep_in.is_empty() && !keep_in.iter().any(|one| one.contains(at));
-    outside || keep_out.iter().any(|one| one.contains(at))
+    breaches(&bounds(areas), at)
 }
 
 /// The first of a mission's items with a place that breaches the areas, as an index: PX4 flies no such mission.
 #[must_use]
 pub fn first_breach(areas: &[Area], items: &[Item]) -> Option<usize> {
+    let bounds = bounds(areas);
     let place = |item: &Item| (f64::from(item.x) / 1e7, f64::from(item.y) / 1e7);
-    let breaches = |item: &Item| item.is_flown_to() && is_breached(areas, place(item));
-    items.iter().position(breaches)
+    items
+        .iter()
+        .position(|item| item.is_flown_to() && breaches(&bounds, place(item)))
+}
+
+fn bounds(areas: &[Area]) -> Vec<Bound> {
+    areas.iter().map(Area::bound).collect()
+}
+
+fn breaches(bounds: &[Bound], at: (f64, f64)) -> bool {
+    let mut keep_in = bounds.iter().filter(|bound| bound.keep_in).peekable();
+    let outside = keep_in.peek().is_some() && !keep_in.any(|bound| bound.contains(at));
+    let mut keep_out = bounds.iter().filter(|bound| !bound.keep_in);
+    outside || keep_out.any(|bound| bound.contains(at))
 }
 
 fn outline(corners: &[(f64, f64)]) -> Polygon {

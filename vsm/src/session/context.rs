@@ -415,11 +415,14 @@ impl MissionView<'_> {
         is_breached(&loaded.with(configured), at)
     }
 
-    /// Why the vehicle does not fly the mission aboard, where it finds it infeasible.
-    pub(crate) fn why_infeasible(&self) -> Option<String> {
+    /// Why the vehicle would not fly the mission aboard, where it finds it infeasible. On the ground PX4 judges it again on entering
+    /// AUTO.MISSION: only what breaches the fence stays infeasible.
+    pub(crate) fn why_infeasible(&self, telemetry: &Telemetry) -> Option<String> {
         let uploaded = self.uploaded.filter(|_| self.infeasible)?;
         let (configured, loaded) = self.fence;
-        Some(uploaded.infeasible_within(&loaded.with(configured)))
+        let breach = uploaded.breach_of(&loaded.with(configured));
+        let stays = breach.is_some() || telemetry.airborne();
+        stays.then(|| uploaded.infeasible(breach))
     }
 
     /// Whether a route of this type can be flown: it is stored, or aboard.

@@ -605,7 +605,7 @@ impl Flight {
         let situation = Situation {
             telemetry,
             uploaded: context.mission.uploaded,
-            infeasible: context.mission.why_infeasible(),
+            infeasible: context.mission.why_infeasible(telemetry),
             progress: context.mission.progress,
             loaded: context.mission.loaded,
             plan: context.mission.plan,

@@ -42,6 +42,8 @@ pub(super) struct Fence {
     stored_wanted: bool,
     /// When the vehicle has read the items that were uploaded last.
     read_at: Option<Duration>,
+    /// The id and the waypoints of the route that was last reported as infeasible within these areas.
+    reported: Option<(u32, Vec<u16>)>,
     /// Why the vehicle does not hold the areas that it should, since the last attempt.
     fault: Option<String>,
     work: Option<Work>,
@@ -75,6 +77,7 @@ impl Fence {
     /// The areas of the configuration have changed: they are uploaded as soon as possible.
     pub(super) fn set_configured(&mut self, configured: Vec<Area>, now: Duration) {
         self.configured = configured;
+        self.reported = None;
         self.fault = None;
         self.kept.change(now);
     }
@@ -88,6 +91,7 @@ impl Fence {
             loaded: Areas::default(),
             stored_wanted: false,
             read_at: None,
+            reported: None,
             fault: None,
             work: None,
         }
@@ -370,17 +374,27 @@ impl Fence {
     /// Whether the vehicle would fly the route aboard within the fence that was uploaded last: PX4 flies none that it finds
     /// infeasible, and reports that by MISSION_CURRENT alone.
     pub(super) fn watch_route(
-        &self,
+        &mut self,
         context: &Context<'_>,
         route: Option<&UploadedMission>,
         effects: &mut Effects<'_>,
     ) {
         match (self.finds_infeasible(context.vehicle, route), route) {
             (Some(true), Some(route)) => {
-                let areas = self.loaded.with(&self.configured);
-                effects.warn(Cause::Infeasible, route.infeasible_within(&areas));
+                let numbers = &route.compiled.waypoint_of;
+                let is_reported = self
+                    .reported
+                    .as_ref()
+                    .is_some_and(|(id, reported)| *id == route.mission_id && reported == numbers);
+                // This runs at every datagram: the route is compared with the areas only where either has changed.
+                if !is_reported {
+                    let breach = route.breach_of(&self.loaded.with(&self.configured));
+                    effects.warn(Cause::Infeasible, route.infeasible(breach));
+                    self.reported = Some((route.mission_id, numbers.clone()));
+                }
             }
             (Some(_), _) => {
+                self.reported = None;
                 let text = "the vehicle finds no route aboard infeasible any more";
                 effects.clear(Cause::Infeasible, text);
             }
@@ -450,6 +464,7 @@ impl Fence {
     fn uploaded(&mut self, context: &Context<'_>, work: Work, id: u32, effects: &mut Effects<'_>) {
         let requester = work.requester;
         self.loaded = work.areas;
+        self.reported = None;
         // The configuration may have changed since it was sent: what is aboard and no longer configured has yet to be cleared.
         let aboard = !work.points.is_empty();
         self.kept.wanted = aboard || !self.configured.is_empty();

@@ -57,10 +57,18 @@ impl UploadedMission {
         telemetry.airframe().has_wings() && seq.is_some_and(|seq| self.compiled.is_touch_down(seq))
     }
 
-    /// That the vehicle finds it infeasible within these areas, and what to do, for an operator.
-    pub(crate) fn infeasible_within(&self, areas: &[Area]) -> String {
-        let item = area::first_breach(areas, &self.compiled.items);
-        let of = item.and_then(|item| self.compiled.item_in_words(item));
+    /// Its first item that breaches these areas, as an index.
+    pub(crate) fn breach_of(&self, areas: &[Area]) -> Option<usize> {
+        area::first_breach(areas, &self.compiled.items)
+    }
+
+    /// That the vehicle finds it infeasible, and what to do, for an operator. `breach`: the item that breaches its fence, if one does.
+    pub(crate) fn infeasible(&self, breach: Option<usize>) -> String {
+        let Some(item) = breach else {
+            return "the vehicle finds the route aboard infeasible, and does not fly it as it is: load it again, or another route (13000)"
+                .to_owned();
+        };
+        let of = self.compiled.item_in_words(item);
         let breach = of.map_or_else(String::new, |of| format!(" ({of} breaches it)"));
         format!(
             "the vehicle finds the route aboard infeasible within its fence{breach}, and does not fly it: load another route (13000), or \

@@ -5,7 +5,7 @@ use mapping::area::Shape;
 use mapping::rally::{self, Height};
 use mapping::route::{self, Site};
 use mapping::telemetry::{MissionProgress, Place};
-use mavlink_link::dialect::MissionState;
+use mavlink_link::dialect::{MavLandedState, MissionState};
 use mavlink_link::service::mission::{
     Event, Failure, Item, MavMissionType, Operation, plan_id, px4_read_back,
 };
@@ -756,6 +756,69 @@ fn an_infeasible_route_is_refused_with_the_waypoint_of_the_station() {
         let texts: String = parts.collect();
         assert!(texts.contains(expected), "{texts}");
     }
+}
+
+/// On the ground PX4 judges its mission again on entering AUTO.MISSION, so that only a breach of the fence is sure to stay.
+#[test]
+fn a_route_aboard_is_infeasible_on_the_ground_only_where_it_breaches_the_fence() {
+    let (mut world, mut mission) = ready();
+    world.vehicle.telemetry.position = world.vehicle.telemetry.home;
+    let fence_id = bounded(&mut world, &mut mission, circle());
+    let items = compiled(&mut world, &mission);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    let id = transferred(&mut world, &mut mission, MISSION, &items);
+    let now = world.now.mono;
+    world.vehicle.show_progress(now, named(id, fence_id));
+    handle(&mut world, &mut mission, Input::Advance);
+    assert!(mission.uploaded().is_some());
+    let found = |world: &mut World, mission: &mut Mission, fence_id| {
+        let found = named(id, fence_id).map(|progress| MissionProgress {
+            state: MissionState::MISSION_STATE_NO_MISSION,
+            ..progress
+        });
+        world.vehicle.show_progress(world.now.mono, found);
+        // Every datagram has it looked at; the alert stays as it is.
+        for _ in 0..2 {
+            handle(world, mission, Input::WatchProgress);
+        }
+        let refusals = [
+            MavLandedState::MAV_LANDED_STATE_ON_GROUND,
+            MavLandedState::MAV_LANDED_STATE_IN_AIR,
+        ]
+        .map(|landed| {
+            world.vehicle.telemetry.landed = Some(landed);
+            let view = mission.view(&world.vehicle, &world.services);
+            view.why_infeasible(&world.vehicle.telemetry)
+        });
+        let mut texts = world.alerts.standing().map(|alert| alert.text.clone());
+        let alert = texts.find(|text| text.contains("infeasible"));
+        (refusals, alert)
+    };
+    let (refusals, alert) = found(&mut world, &mut mission, fence_id);
+    let text = alert.expect("it stands");
+    assert!(!text.contains("fence"), "{text}");
+    assert_eq!(refusals, [None, Some(text)]);
+
+    let around_the_first = Area {
+        keep_in: true,
+        shape: Shape::Circle {
+            centre: (47.0, 8.0),
+            radius_m: 15.0,
+        },
+    };
+    let fence_id = bounded(&mut world, &mut mission, around_the_first);
+    let (refusals, alert) = found(&mut world, &mut mission, fence_id);
+    let text = alert.expect("it stands");
+    assert!(text.contains("(waypoint 2 breaches it)"), "{text}");
+    assert_eq!(refusals, [Some(text.clone()), Some(text)]);
+
+    // The vehicle may have restarted: it judges its mission once it has read its fence again.
+    handle(&mut world, &mut mission, Input::LinkUp);
+    let (refusals, _) = found(&mut world, &mut mission, fence_id);
+    assert_eq!(refusals, [None, None]);
+    world.advance(2 * SECOND);
+    let (refusals, _) = found(&mut world, &mut mission, fence_id);
+    assert!(refusals.iter().all(Option::is_some), "{refusals:?}");
 }
 
 #[test]
