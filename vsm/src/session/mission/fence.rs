@@ -169,6 +169,10 @@ impl Fence {
     pub(super) fn look_again(&mut self, now: Duration) {
         self.fault = None;
         self.kept.look_again(now);
+        // It may have restarted: it judges its mission once it has read its fence again.
+        let aboard = self.points(&self.loaded, None).unwrap_or_default();
+        let judged = now + judged_after(&aboard);
+        self.read_at = self.read_at.map(|at| at.max(judged));
     }
 
     /// When [`Fence::watch`] is next due.
@@ -473,8 +477,7 @@ impl Fence {
         if self.fault.take().is_some() {
             self.kept.drop_retry();
         }
-        let read_within: Duration = work.points.iter().map(|_| READ_WITHIN).sum();
-        self.read_at = Some(context.mono() + read_within + JUDGED_WITHIN);
+        self.read_at = Some(context.mono() + judged_after(&work.points));
         // Only after the vehicle has cleared its fence: a failed clearing leaves the areas unchanged.
         if let Some((_, Mode::Clear)) = requester {
             self.sent.clear();
@@ -638,6 +641,12 @@ fn status(mode: Mode, status: MissionTransferStatus, vertex: Option<Vertex>) -> 
 fn vertex_of(points: &[FencePoint], fault: &Fault) -> Option<Vertex> {
     let point = points.get(fault.item()?)?;
     Some((point.area, point.vertex))
+}
+
+/// How long the vehicle takes to read this fence and to judge its mission within it.
+fn judged_after(points: &[FencePoint]) -> Duration {
+    let read_within: Duration = points.iter().map(|_| READ_WITHIN).sum();
+    read_within + JUDGED_WITHIN
 }
 
 const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
