@@ -36,6 +36,7 @@ use crate::session::trace::DliTrace;
 impl Bridge {
     /// Takes a datagram of the DLI side.
     pub fn handle_dli(&mut self, now: Now, from: SocketAddr, bytes: &[u8], disk: &mut dyn Disk) {
+        self.note_time(now.mono);
         let before = self.records.trace.then(|| DliTrace::begin(&self.counters));
         let opened = self.open_guarded(now, from, bytes, disk);
         self.take_traced(now, from, (opened, bytes), before, disk);
@@ -49,6 +50,7 @@ impl Bridge {
         (bytes, index): (&[u8], usize),
         disk: &mut dyn Disk,
     ) {
+        self.note_time(now.mono);
         let before = self.records.trace.then(|| DliTrace::begin(&self.counters));
         let opened = Opened::Verified(bytes, index);
         self.take_traced(now, from, (opened, bytes), before, disk);

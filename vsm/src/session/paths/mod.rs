@@ -330,8 +330,16 @@ impl Paths {
         }
     }
 
-    /// Nothing could be asked for so long, until now: no proof ends by that, and no station has had that time for one.
+    /// Nothing could be asked for so long, until now: no proof and no lease ends by that, and no station has had that time for one.
     pub(crate) fn extend_proofs(&mut self, now: Duration, by: Duration) {
+        // Not of the candidates, for which messages are held back.
+        for path in self
+            .stations
+            .iter_mut()
+            .filter_map(|one| one.current.as_mut())
+        {
+            path.seen = (path.seen + by).min(now);
+        }
         for path in self.each_path() {
             path.proven = path.proven.map(|at| at + by);
             path.first = (path.first + by).min(now.max(path.first));

@@ -265,6 +265,9 @@ fn a_proof_lasts_as_much_longer_as_nothing_could_be_asked() {
     paths.extend_proofs(now.mono, paused);
     paths.handle_timeout(now.mono, 0);
     assert!(paths.is_proven(0));
+    // What it is answered at once, before anything has come from it again, is not dropped.
+    let verdict = paths.admit(now.mono, 0, 100, Kind::Answer);
+    assert_eq!(verdict, Verdict::Send);
     now.mono += 2 * LIMITS.lease;
     paths.handle_timeout(now.mono, 0);
     assert!(!paths.is_proven(0), "asked again, it did not answer");
