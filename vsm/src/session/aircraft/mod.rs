@@ -35,7 +35,6 @@ use super::flight::{self, Flight};
 use super::held::{self, Held};
 use super::link::VehicleLink;
 use super::link::frame::Peer;
-use super::link::measured::CATCHES_UP;
 use super::link::services::Services;
 use super::link::state::VehicleState;
 use super::maneuver;
@@ -158,27 +157,29 @@ impl Aircraft {
 
     /// The bridge did not run in between, too shortly for anything but the vehicle's own reaction to it.
     pub(super) fn note_unread(&mut self, from: Duration, until: Duration) {
+        let late_by = self.vehicle.reads_late_by(from);
         self.vehicle.note_unread(from, until);
-        self.postpone(until.saturating_sub(from));
+        self.postpone(until.saturating_sub(from) + late_by);
     }
 
     /// What waits for the vehicle's mode waits for one that it shows after the stop.
-    fn postpone(&mut self, stopped: Duration) {
-        self.flight.postpone(stopped + CATCHES_UP);
-        self.mission.postpone(stopped + CATCHES_UP);
+    fn postpone(&mut self, by: Duration) {
+        self.flight.postpone(by);
+        self.mission.postpone(by);
     }
 
     /// The bridge did not run in between: nothing has lasted by that. What the vehicle has answered and shown meanwhile is read after
     /// this, so whoever waits for that waits as much longer; not after a long stop, since a command must not take effect minutes later.
     pub(super) fn note_stop(&mut self, from: Duration, until: Duration) {
         let stopped = until.saturating_sub(from);
+        let late_by = self.vehicle.reads_late_by(from);
         self.flight.note_stop(stopped);
         self.mission.note_stop(stopped);
         self.held.note_stop(stopped);
         self.reports.note_stop(stopped);
         if self.link.note_stop(&mut self.vehicle, from, until) {
             self.services.postpone(stopped);
-            self.postpone(stopped);
+            self.postpone(stopped + late_by);
             self.payload.postpone(stopped);
             return;
         }

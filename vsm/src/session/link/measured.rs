@@ -85,6 +85,15 @@ impl Measured {
         self.caught_up = false;
     }
 
+    /// How much longer than it lasts a stop that begins now delays what waits for the vehicle: what it reads first may have waited.
+    /// Nothing where it follows another one closely, as on an overloaded computer: the wait would never end.
+    pub(super) fn reads_late_by(&self, now: Duration) -> Duration {
+        match self.stopped {
+            Some((_, until)) if until + OFTEN > now => Duration::ZERO,
+            _ => CATCHES_UP,
+        }
+    }
+
     /// Whether a message that is handled now may have waited while the bridge did not run.
     pub(super) fn may_have_waited(&self, now: Duration) -> bool {
         !self.caught_up && self.waited_since(now).is_some()
@@ -164,7 +173,9 @@ fn boot_time(message: &MavMessage) -> Option<BootTime> {
 }
 
 /// How long after a stop the bridge may still read what waited: a socket's buffer takes it a fraction of that.
-pub(crate) const CATCHES_UP: Duration = Duration::from_secs(2);
+pub(super) const CATCHES_UP: Duration = Duration::from_secs(2);
+/// A stop within this time after another one is one of many.
+const OFTEN: Duration = Duration::from_secs(30);
 /// Each is requested at 5 Hz. This is longer than the time until a vehicle counts as silent, which is another alert.
 const STALE: Duration = Duration::from_secs(5);
 const AIR_AND_GROUND: u16 = 3009;
@@ -200,6 +211,22 @@ mod tests {
             ..Telemetry::default()
         };
         (arrived, telemetry)
+    }
+
+    /// A computer that does not run this process for 1.2 s of every 3 s.
+    #[test]
+    fn what_is_waited_for_ends_where_stops_follow_one_another() {
+        let mut measured = Measured::default();
+        let (pause, begin) = (Duration::from_millis(1_200), seconds(100));
+        let (mut now, mut deadline) = (begin, begin + seconds(6));
+        while now < deadline {
+            now += seconds(3) - pause;
+            deadline += measured.reads_late_by(now) + pause;
+            measured.note_unread(now, now + pause);
+            now += pause;
+            assert!(now < begin + seconds(20), "it does not end");
+        }
+        assert_eq!(measured.reads_late_by(now + OFTEN), CATCHES_UP);
     }
 
     #[test]

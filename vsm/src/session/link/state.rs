@@ -132,6 +132,11 @@ impl VehicleState {
         }
     }
 
+    /// How much longer than it lasts a stop that begins now delays what waits for the vehicle.
+    pub(crate) fn reads_late_by(&self, now: Duration) -> Duration {
+        self.measured.reads_late_by(now)
+    }
+
     /// The bridge did not run in between: PX4 may have left the mode that it has shown, for want of set points or sticks.
     pub(crate) fn note_unread(&mut self, from: Duration, until: Duration) {
         self.measured.note_unread(from, until);
