@@ -140,7 +140,7 @@ pub(crate) struct MissionView<'a> {
     pub(crate) fence: (&'a [Area], &'a Areas),
     /// The vehicle finds the mission aboard infeasible within it, and flies no part of it.
     pub(crate) infeasible: bool,
-    /// Why no upload, download or clearing can begin now.
+    /// Why the VSM can begin no upload by itself now.
     pub(crate) may_change: Result<(), &'static str>,
 }
 
@@ -428,6 +428,14 @@ impl MissionView<'_> {
     /// Whether a route of this type can be flown: it is stored, or aboard.
     pub(crate) fn has_route(&self, route_type: RouteType) -> bool {
         self.plan.route_of_type(route_type).is_some() || self.carries(route_type)
+    }
+
+    /// Why a route of this type cannot be flown at once without a CUCS that waits for it: the one aboard needs no upload.
+    pub(crate) fn may_fly(&self, route_type: RouteType) -> Result<(), &'static str> {
+        match self.carries(route_type) && !self.is_transferring() && !self.fence_busy {
+            true => Ok(()),
+            false => self.may_change,
+        }
     }
 
     /// The type of the route that the vehicle flies in AUTO.MISSION; `None` if it reports a mission id other than the one

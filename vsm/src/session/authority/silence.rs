@@ -177,10 +177,10 @@ fn what_follows(context: &Context<'_>) -> String {
         OnLoss::Continue if context.steering => "steering stopped; commanding hold",
         OnLoss::Continue => "vehicle continues in its current mode",
         OnLoss::Hold => "commanding hold",
-        OnLoss::Contingency if stored && mission.may_change.is_err() => {
-            "another transfer is in progress; commanding return"
-        }
-        OnLoss::Contingency if stored => "commanding contingency A",
+        OnLoss::Contingency if stored => match mission.may_fly(RouteType::ContingencyA) {
+            Ok(()) => "commanding contingency A",
+            Err(why) => return format!("{why}; commanding return"),
+        },
         OnLoss::Contingency => "no contingency A is stored; commanding return",
         OnLoss::Rtl => "commanding return",
     }

@@ -246,7 +246,7 @@ impl Flight {
             // A command of the VSM itself that waits for its route belongs to this action.
             busy: self.maneuver.is_some() || context.mission.waiting_command() == Some(None),
             on_final: context.mission.is_on_final(telemetry) || self.item_is_unknown(context),
-            may_change_mission: context.mission.may_change.is_ok(),
+            may_change_mission: context.mission.may_fly(RouteType::ContingencyA).is_ok(),
             other: self.other(context.vehicle, context.mono()),
         }
     }

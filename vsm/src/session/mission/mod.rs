@@ -210,7 +210,17 @@ impl Mission {
             areas: self.fence.sent(),
             fence: self.fence.areas(),
             infeasible: self.fence.finds_infeasible(vehicle, self.uploaded()) == Some(true),
-            may_change: self.may_change(vehicle, services),
+            may_change: self.may_send_by_itself(vehicle, services),
+        }
+    }
+
+    /// Whether a route that no CUCS has requested can be sent at once: where it would have to wait for the fence, the vehicle would
+    /// fly on meanwhile with nobody in control.
+    fn may_send_by_itself(&self, vehicle: &VehicleState, services: &Services) -> Free {
+        self.may_change(vehicle, services)?;
+        match self.fence.is_aboard(vehicle) {
+            Ok(true) => Ok(()),
+            Ok(false) | Err(_) => Err("the vehicle is not known to hold its fence"),
         }
     }
 

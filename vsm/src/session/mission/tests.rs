@@ -1060,6 +1060,24 @@ fn a_route_is_refused_where_the_areas_of_the_configuration_are_not_uploaded() {
     assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
 }
 
+/// With nobody in control the vehicle would fly on while its contingency route waits for the fence.
+#[test]
+fn the_vsm_begins_no_route_by_itself_before_the_vehicle_holds_its_fence() {
+    let (mut world, mut mission) = ready();
+    mission.fence = Fence::new(vec![circle()]);
+    let may_change =
+        |world: &World, mission: &Mission| mission.view(&world.vehicle, &world.services).may_change;
+    handle(&mut world, &mut mission, Input::LinkUp);
+    assert!(may_change(&world, &mission).is_err(), "it is compared");
+    world.advance(4 * SECOND);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert_eq!(may_change(&world, &mission), Err(BUSY));
+    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    world.vehicle.telemetry.mission = named(0, fence_id);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert_eq!(may_change(&world, &mission), Ok(()));
+}
+
 /// The load of a mode waits for areas of a CUCS too, and refuses where the vehicle is lost meanwhile.
 #[test]
 fn a_route_for_a_mode_waits_for_the_areas_of_a_cucs_until_the_vehicle_is_silent() {
