@@ -365,7 +365,9 @@ impl Mission {
             Input::CompareWithVehicle => {
                 transfers.report_ended_early(context, effects);
                 let uploaded = store.uploaded.as_ref();
-                if resync.compare(context, uploaded, free.is_ok(), effects)
+                // A load that begins before would hold up those of CUCSs, and is not repeated where the fence is not taken at once.
+                let free = free.is_ok() && fence.is_aboard(context.vehicle) == Ok(true);
+                if resync.compare(context, uploaded, free, effects)
                     && let Some(uploaded) = uploaded
                 {
                     transfers.load_again(uploaded);

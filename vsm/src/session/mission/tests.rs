@@ -1078,6 +1078,37 @@ fn the_vsm_begins_no_route_by_itself_before_the_vehicle_holds_its_fence() {
     assert_eq!(may_change(&world, &mission), Ok(()));
 }
 
+#[test]
+fn a_lost_mission_is_sent_again_once_the_fence_is_aboard() {
+    let (mut world, mut mission) = ready();
+    let items = compiled(&mut world, &mission);
+    handle(&mut world, &mut mission, Input::LinkUp);
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    let id = transferred(&mut world, &mut mission, MISSION, &items);
+    world.vehicle.telemetry.mission = named(id, 0);
+    handle(&mut world, &mut mission, Input::Advance);
+    handle(&mut world, &mut mission, Input::CompareWithVehicle);
+    mission.fence = Fence::new(vec![circle()]);
+    // The vehicle has restarted without anything aboard, and does not take the fence at once.
+    world.vehicle.telemetry.mission = named(id + 1, 0);
+    assert_eq!(looked(&mut world, &mut mission), Some(Operation::Upload));
+    let failed = Event::Failed {
+        operation: Operation::Upload,
+        kind: FENCE,
+        reason: Failure::NoAnswer { seq: None },
+    };
+    ended(&mut world, &mut mission, Operation::Upload, failed);
+    handle(&mut world, &mut mission, Input::CompareWithVehicle);
+    assert!(!mission.transfers.is_running());
+    world.advance(31 * SECOND);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    world.vehicle.telemetry.mission = named(id + 1, fence_id);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    handle(&mut world, &mut mission, Input::CompareWithVehicle);
+    assert!(mission.transfers.is_running());
+}
+
 /// The load of a mode waits for areas of a CUCS too, and refuses where the vehicle is lost meanwhile.
 #[test]
 fn a_route_for_a_mode_waits_for_the_areas_of_a_cucs_until_the_vehicle_is_silent() {
