@@ -277,6 +277,10 @@ impl Mission {
         let free = match (context.termination.holds, &input) {
             (true, _) => Err("a flight termination is commanded"),
             (false, Input::WatchFence) => self.may_bound(context.vehicle, effects.vehicle),
+            // Also where the route that was aboard has changed or is lost.
+            (false, Input::LoadAndFly { origin: None, .. }) => {
+                self.may_send_by_itself(context.vehicle, effects.vehicle)
+            }
             (false, input) if input.loads() => self.may_load(context.vehicle, effects.vehicle),
             (false, _) => self.may_change(context.vehicle, effects.vehicle),
         };

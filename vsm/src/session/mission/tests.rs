@@ -1064,11 +1064,19 @@ fn a_route_is_refused_where_the_areas_of_the_configuration_are_not_uploaded() {
 #[test]
 fn the_vsm_begins_no_route_by_itself_before_the_vehicle_holds_its_fence() {
     let (mut world, mut mission) = ready();
+    stored(&mut world, &mut mission);
     mission.fence = Fence::new(vec![circle()]);
     let may_change =
         |world: &World, mission: &Mission| mission.view(&world.vehicle, &world.services).may_change;
+    let by_itself = || Input::LoadAndFly {
+        origin: None,
+        route_type: Some(stanag_msgs::enums::RouteType::Flight),
+        command: Box::default(),
+    };
     handle(&mut world, &mut mission, Input::LinkUp);
     assert!(may_change(&world, &mission).is_err(), "it is compared");
+    handle(&mut world, &mut mission, by_itself());
+    assert!(!mission.transfers.is_running());
     world.advance(4 * SECOND);
     handle(&mut world, &mut mission, Input::WatchFence);
     assert_eq!(may_change(&world, &mission), Err(BUSY));
@@ -1076,6 +1084,8 @@ fn the_vsm_begins_no_route_by_itself_before_the_vehicle_holds_its_fence() {
     world.vehicle.telemetry.mission = named(0, fence_id);
     handle(&mut world, &mut mission, Input::WatchFence);
     assert_eq!(may_change(&world, &mission), Ok(()));
+    handle(&mut world, &mut mission, by_itself());
+    assert!(mission.transfers.is_running());
 }
 
 #[test]
