@@ -28,6 +28,7 @@ mod sticks;
 mod streamed;
 #[cfg(test)]
 mod tests;
+mod unexplained;
 mod watched;
 mod wings;
 
@@ -52,10 +53,10 @@ use stanag_msgs::messages::{
 
 use self::curve_stream::CurveStream;
 use self::loss_action::LossAction;
-use self::running::Unexplained;
 use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
 use self::sticks::{Due, SEEN_WITHIN, Sticks};
+use self::unexplained::Unexplained;
 use self::watched::Watched;
 use self::wings::BreakOff;
 use super::context::{self, FlightView, MissionView, Origin, ParameterView};

@@ -12,32 +12,13 @@ use mapping::report::{self, Commanded};
 use stanag_msgs::enums::{AckType, AlertPriority, FlightPathControlMode as Mode, SubsystemId};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
+use super::unexplained::Unexplained;
 use super::wings::{BreakOff, Shown};
 use super::{Context, Flight, curve_stream, select};
 use crate::config::OnLoss;
 use crate::session::context::{Continues, Origin};
 use crate::session::effects::{Effects, Request};
-use crate::session::link::state::VehicleState;
 use crate::session::maneuver::{Maneuver, Progress, Refusal};
-
-/// A maneuver that has ended, and is answered once the vehicle's reason has come or does not come.
-#[derive(Debug)]
-pub(super) struct Unexplained {
-    origin: Option<Origin>,
-    /// Other commands that it carried out.
-    joined: Vec<Origin>,
-    pub(super) refusal: Refusal,
-}
-
-impl Unexplained {
-    fn answer(self, vehicle: &VehicleState, effects: &mut Effects<'_>) {
-        effects.refuse(self.origin, self.refusal.text(vehicle));
-        // For the same reason, which is sent once.
-        for joined in self.joined {
-            effects.acknowledge(&joined, AckType::Refused);
-        }
-    }
-}
 
 impl Flight {
     pub(super) fn begin(
