@@ -435,10 +435,12 @@ mod tests {
         );
     }
 
-    #[test]
-    fn a_route_aboard_that_the_vehicle_finds_infeasible_is_not_begun() {
+    /// A route that the vehicle holds, and mode 11, which flies it.
+    fn aboard_and_waypoint(
+        compiled: CompiledMission,
+    ) -> (UploadedMission, VehicleOperatingModeCommand) {
         let uploaded = UploadedMission {
-            compiled: CompiledMission::default(),
+            compiled,
             mission_id: 0,
             route_type: RouteType::Flight,
             mission_name: String::new(),
@@ -448,6 +450,12 @@ mod tests {
             select_flight_path_control_mode: Some(Mode::Waypoint),
             ..VehicleOperatingModeCommand::default()
         };
+        (uploaded, command)
+    }
+
+    #[test]
+    fn a_route_aboard_that_the_vehicle_finds_infeasible_is_not_begun() {
+        let (uploaded, command) = aboard_and_waypoint(CompiledMission::default());
         let telemetry = Telemetry {
             home: Some(Place {
                 latitude: 47.0,
@@ -474,21 +482,11 @@ mod tests {
             z: 500.0,
             ..Item::default()
         };
-        let uploaded = UploadedMission {
-            compiled: CompiledMission {
-                items: vec![item],
-                waypoint_of: vec![7],
-                ..CompiledMission::default()
-            },
-            mission_id: 0,
-            route_type: RouteType::Flight,
-            mission_name: String::new(),
-            plan: Plan::default(),
-        };
-        let command = VehicleOperatingModeCommand {
-            select_flight_path_control_mode: Some(Mode::Waypoint),
-            ..VehicleOperatingModeCommand::default()
-        };
+        let (uploaded, command) = aboard_and_waypoint(CompiledMission {
+            items: vec![item],
+            waypoint_of: vec![7],
+            ..CompiledMission::default()
+        });
         let judged = |amsl_m, below_home| {
             let telemetry = Telemetry {
                 home: Some(Place {

@@ -515,8 +515,8 @@ fn the_end_of_a_route_is_stored_once_the_disk_takes_it_and_known_after_a_restart
     assert!(!restarted(&mut world).progress.has_ended());
 }
 
-#[test]
-fn a_returned_vehicle_with_another_mission_is_sent_the_loaded_one_again() {
+/// The vehicle holds the loaded mission, whose id is returned, and has been compared with it.
+fn holds_the_loaded_one() -> (World, Mission, u32) {
     let (mut world, mut mission) = ready();
     let items = compiled(&mut world, &mission);
     handle(&mut world, &mut mission, Input::LinkUp);
@@ -525,6 +525,12 @@ fn a_returned_vehicle_with_another_mission_is_sent_the_loaded_one_again() {
     world.vehicle.telemetry.mission = named(id, 0);
     handle(&mut world, &mut mission, Input::Advance);
     handle(&mut world, &mut mission, Input::CompareWithVehicle);
+    (world, mission, id)
+}
+
+#[test]
+fn a_returned_vehicle_with_another_mission_is_sent_the_loaded_one_again() {
+    let (mut world, mut mission, id) = holds_the_loaded_one();
     world.vehicle.telemetry.mission = named(id + 1, 0);
     handle(&mut world, &mut mission, Input::CompareWithVehicle);
     assert!(!mission.transfers.is_running(), "it has not been away");
@@ -1090,14 +1096,7 @@ fn the_vsm_begins_no_route_by_itself_before_the_vehicle_holds_its_fence() {
 
 #[test]
 fn a_lost_mission_is_sent_again_once_the_fence_is_aboard() {
-    let (mut world, mut mission) = ready();
-    let items = compiled(&mut world, &mission);
-    handle(&mut world, &mut mission, Input::LinkUp);
-    command(&mut world, &mut mission, transfer(Mode::Load));
-    let id = transferred(&mut world, &mut mission, MISSION, &items);
-    world.vehicle.telemetry.mission = named(id, 0);
-    handle(&mut world, &mut mission, Input::Advance);
-    handle(&mut world, &mut mission, Input::CompareWithVehicle);
+    let (mut world, mut mission, id) = holds_the_loaded_one();
     mission.fence = Fence::new(vec![circle()]);
     // The vehicle has restarted without anything aboard, and does not take the fence at once.
     world.vehicle.telemetry.mission = named(id + 1, 0);
