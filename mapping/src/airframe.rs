@@ -93,6 +93,12 @@ mod tests {
             let found = (vehicle.hovers(), vehicle.transition_failed);
             assert_eq!(found, (hovers, failed), "{state_now:?}");
         }
+        // A landed state that is undefined is not the ground.
+        vehicle.update(&MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA {
+            vtol_state: V::MAV_VTOL_STATE_MC,
+            landed_state: MavLandedState::MAV_LANDED_STATE_UNDEFINED,
+        }));
+        assert!(vehicle.transition_failed);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! A field that the vehicle has not reported is absent, never zero.
 
-use mavlink_link::dialect::{MavLandedState, MavState, MavVtolState, MissionState};
+use mavlink_link::dialect::{MavState, MavVtolState, MissionState};
 use stanag_msgs::enums::{
     AltitudeCommandType, AltitudeType, FlightPathControlMode, HeadingCommandType, SpeedType,
     UaState,
@@ -17,7 +17,7 @@ use crate::altitude::Level;
 use crate::limits::metres;
 use crate::mode::Px4Mode;
 use crate::route::{CompiledMission, Leg};
-use crate::telemetry::{MissionProgress, Telemetry};
+use crate::telemetry::{LandedState, MissionProgress, Telemetry};
 
 /// UA State (3002.01) of a vehicle in the air: VSM specific, described by 41002.
 pub const UA_STATE_AIRBORNE: u8 = 10;
@@ -369,9 +369,11 @@ pub fn ua_state(vehicle: &Telemetry) -> UaState {
         _ if turning == Some(MavVtolState::MAV_VTOL_STATE_TRANSITION_TO_MC) => {
             UaState::from_raw(UA_STATE_TO_HOVER)
         }
-        Some(MavLandedState::MAV_LANDED_STATE_IN_AIR) => UaState::from_raw(UA_STATE_AIRBORNE),
-        Some(MavLandedState::MAV_LANDED_STATE_TAKEOFF) => UaState::from_raw(UA_STATE_TAKE_OFF),
-        Some(MavLandedState::MAV_LANDED_STATE_LANDING) => UaState::from_raw(UA_STATE_LANDING),
+        Some(LandedState::InAir) => UaState::from_raw(UA_STATE_AIRBORNE),
+        Some(LandedState::TakingOff) => UaState::from_raw(UA_STATE_TAKE_OFF),
+        Some(LandedState::Landing) => UaState::from_raw(UA_STATE_LANDING),
+        // It may fly: each state below means that it is on the ground.
+        None if vehicle.armed == Some(true) => UaState::NotKnown,
         // Armed on the ground, before the take-off.
         _ if vehicle.armed == Some(true) => UaState::PreLaunch,
         _ => match vehicle.system_status {
@@ -492,6 +494,23 @@ mod tests {
             lat: 470_000_000,
             ..GLOBAL_POSITION_INT_DATA::default()
         })
+    }
+
+    /// A station takes 1 to 4 as on the ground.
+    #[test]
+    fn an_armed_vehicle_of_unknown_landed_state_is_not_reported_on_the_ground() {
+        let reported = |armed, landed| {
+            ua_state(&Telemetry {
+                armed: Some(armed),
+                landed,
+                system_status: Some(MavState::MAV_STATE_STANDBY),
+                ..Telemetry::default()
+            })
+        };
+        let on_ground = Some(LandedState::OnGround);
+        assert_eq!(reported(true, None), UaState::NotKnown);
+        assert_eq!(reported(true, on_ground), UaState::PreLaunch);
+        assert_eq!(reported(false, None), UaState::PreStart);
     }
 
     /// How far the heading of 4000 is from this, degrees.

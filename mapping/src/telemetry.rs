@@ -42,6 +42,34 @@ pub struct MissionProgress {
     pub rally_points_id: u32,
 }
 
+/// Whether it is on the ground or in the air (EXTENDED_SYS_STATE.landed_state).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LandedState {
+    /// On the ground.
+    OnGround,
+    /// In the air.
+    InAir,
+    /// Taking off.
+    TakingOff,
+    /// Landing.
+    Landing,
+}
+
+impl LandedState {
+    /// From the message. A vehicle that reports its state as undefined has reported none: `None`, as before its first report.
+    #[must_use]
+    pub fn of(reported: MavLandedState) -> Option<LandedState> {
+        use MavLandedState as S;
+        match reported {
+            S::MAV_LANDED_STATE_UNDEFINED => None,
+            S::MAV_LANDED_STATE_ON_GROUND => Some(LandedState::OnGround),
+            S::MAV_LANDED_STATE_IN_AIR => Some(LandedState::InAir),
+            S::MAV_LANDED_STATE_TAKEOFF => Some(LandedState::TakingOff),
+            S::MAV_LANDED_STATE_LANDING => Some(LandedState::Landing),
+        }
+    }
+}
+
 /// A circle that a multicopter flies (ORBIT_EXECUTION_STATUS).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orbit {
@@ -67,8 +95,8 @@ pub struct Telemetry {
     pub vehicle_type: Option<MavType>,
     /// HEARTBEAT.autopilot.
     pub autopilot: Option<MavAutopilot>,
-    /// EXTENDED_SYS_STATE.landed_state.
-    pub landed: Option<MavLandedState>,
+    /// EXTENDED_SYS_STATE.landed_state; `None` also where the vehicle reports it as undefined.
+    pub landed: Option<LandedState>,
     /// EXTENDED_SYS_STATE.vtol_state; `None` for a vehicle that is no VTOL.
     pub vtol_state: Option<MavVtolState>,
     /// A VTOL hovers although it was on its wings or on the way there, and without a transition back: PX4's quad-chute.
@@ -146,7 +174,7 @@ impl Telemetry {
                     (m.intended_custom_mode != 0).then_some(Px4Mode(m.intended_custom_mode));
             }
             MavMessage::EXTENDED_SYS_STATE(m) => {
-                self.landed = Some(m.landed_state);
+                self.landed = LandedState::of(m.landed_state);
                 self.turn_vtol(m.vtol_state);
             }
             MavMessage::GLOBAL_POSITION_INT(m) => {
@@ -257,21 +285,14 @@ impl Telemetry {
     /// Whether it has reported that it is in the air.
     #[must_use]
     pub fn airborne(&self) -> bool {
-        use MavLandedState as S;
-        matches!(
-            self.landed,
-            Some(
-                S::MAV_LANDED_STATE_IN_AIR
-                    | S::MAV_LANDED_STATE_TAKEOFF
-                    | S::MAV_LANDED_STATE_LANDING
-            )
-        )
+        self.landed
+            .is_some_and(|landed| landed != LandedState::OnGround)
     }
 
     /// Whether it has reported that it is on the ground.
     #[must_use]
     pub fn stands(&self) -> bool {
-        self.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND)
+        self.landed == Some(LandedState::OnGround)
     }
 
     /// Discards its position and what it flew: it has restarted, perhaps elsewhere. Its type stays, and its sensors report
@@ -303,7 +324,7 @@ impl Telemetry {
             before,
             Some(V::MAV_VTOL_STATE_FW | V::MAV_VTOL_STATE_TRANSITION_TO_FW)
         );
-        if !self.airborne() || next == V::MAV_VTOL_STATE_TRANSITION_TO_FW {
+        if self.stands() || next == V::MAV_VTOL_STATE_TRANSITION_TO_FW {
             self.transition_failed = false;
         } else {
             self.transition_failed |= winged && next == V::MAV_VTOL_STATE_MC;
@@ -476,7 +497,9 @@ impl Software {
 
 #[cfg(test)]
 mod tests {
-    use mavlink_link::dialect::{BATTERY_STATUS_DATA, MavSysStatusSensor, SYS_STATUS_DATA};
+    use mavlink_link::dialect::{
+        BATTERY_STATUS_DATA, EXTENDED_SYS_STATE_DATA, MavSysStatusSensor, SYS_STATUS_DATA,
+    };
 
     use super::*;
 
@@ -492,6 +515,31 @@ mod tests {
         assert_eq!(reported(0x0112_0080), "1.18.0-beta");
         assert_eq!(reported(0x010f_02ff), "1.15.2");
         assert_eq!(reported(0x0113_0000), "1.19.0-dev");
+    }
+
+    #[test]
+    fn an_undefined_landed_state_is_none_whatever_was_reported_before() {
+        use MavLandedState as S;
+        let mut vehicle = Telemetry::default();
+        for (landed_state, expected) in [
+            (S::MAV_LANDED_STATE_UNDEFINED, None),
+            (S::MAV_LANDED_STATE_ON_GROUND, Some(LandedState::OnGround)),
+            (S::MAV_LANDED_STATE_UNDEFINED, None),
+            (S::MAV_LANDED_STATE_TAKEOFF, Some(LandedState::TakingOff)),
+            (S::MAV_LANDED_STATE_IN_AIR, Some(LandedState::InAir)),
+            (S::MAV_LANDED_STATE_LANDING, Some(LandedState::Landing)),
+            (S::MAV_LANDED_STATE_UNDEFINED, None),
+        ] {
+            vehicle.update(&MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA {
+                landed_state,
+                ..EXTENDED_SYS_STATE_DATA::default()
+            }));
+            assert_eq!(vehicle.landed, expected, "{landed_state:?}");
+            let stands = landed_state == S::MAV_LANDED_STATE_ON_GROUND;
+            assert_eq!(vehicle.stands(), stands, "{landed_state:?}");
+            let airborne = expected.is_some() && !stands;
+            assert_eq!(vehicle.airborne(), airborne, "{landed_state:?}");
+        }
     }
 
     #[test]

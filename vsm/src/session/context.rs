@@ -421,7 +421,7 @@ impl MissionView<'_> {
         let uploaded = self.uploaded.filter(|_| self.infeasible)?;
         let (configured, loaded) = self.fence;
         let breach = uploaded.breach_of(&loaded.with(configured));
-        let stays = breach.is_some() || telemetry.airborne();
+        let stays = breach.is_some() || !telemetry.stands();
         stays.then(|| uploaded.infeasible(breach))
     }
 

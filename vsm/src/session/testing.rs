@@ -10,11 +10,9 @@ use mapping::mode::Px4Mode;
 use mapping::parameter::Parameters;
 use mapping::plan::Plan;
 use mapping::report::Commanded;
-use mapping::telemetry::{Attitude, Place};
+use mapping::telemetry::{Attitude, LandedState, Place};
 use mavlink_link::Now;
-use mavlink_link::dialect::{
-    COMMAND_ACK_DATA, MavCmd, MavLandedState, MavMessage, MavResult, MavType,
-};
+use mavlink_link::dialect::{COMMAND_ACK_DATA, MavCmd, MavMessage, MavResult, MavType};
 use mavlink_link::service::{Node, command};
 use mavlink_link::store::{Disk, MemoryDisk};
 use stanag_msgs::enums::AckType;
@@ -171,7 +169,7 @@ impl World {
         };
         let telemetry = &mut world.vehicle.telemetry;
         telemetry.vehicle_type = Some(MavType::MAV_TYPE_QUADROTOR);
-        telemetry.landed = Some(MavLandedState::MAV_LANDED_STATE_IN_AIR);
+        telemetry.landed = Some(LandedState::InAir);
         telemetry.armed = Some(true);
         telemetry.home = Some(home);
         telemetry.position = Some(Place {

@@ -25,7 +25,7 @@ facts! {
         "Current Propulsion Energy Level": "SYS_STATUS, BATTERY_STATUS";
         "Altitude Command Type": "1 where an altitude is commanded in the present mode";
         "Heading Command Type": "in mode 15, where 2016 has commanded a direction: 1 heading, 2 course, 3 both, 5 turn rate";
-        "UA State": "EXTENDED_SYS_STATE.landed_state, vtol_state, HEARTBEAT: armed, failsafe, system_status; on the ground 2, 1 while it cannot be armed, armed 3; 10 in the air, 11 taking off, 12 landing, 13 a failsafe, 14 and 15 a VTOL in a transition (41002 names 10 and up)";
+        "UA State": "EXTENDED_SYS_STATE.landed_state, vtol_state, HEARTBEAT: armed, failsafe, system_status; on the ground 2, 1 while it cannot be armed, armed 3; 0 where it is armed and has not reported whether it flies; 10 in the air, 11 taking off, 12 landing, 13 a failsafe, 14 and 15 a VTOL in a transition (41002 names 10 and up)";
         "Commanded Loiter Position Latitude": "the last command that the vehicle took";
         "Commanded Loiter Position Longitude": "the last command that the vehicle took";
         "Commanded Waypoint Number": "the waypoint that the mission flies to";

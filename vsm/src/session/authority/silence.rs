@@ -3,7 +3,6 @@
 
 use std::time::Duration;
 
-use mavlink_link::dialect::MavLandedState;
 use stanag_msgs::Id;
 use stanag_msgs::enums::{AlertPriority, HandoverStatus, RouteType, SubsystemId};
 
@@ -125,8 +124,7 @@ fn what_follows(context: &Context<'_>) -> String {
         }
         .to_owned();
     }
-    let on_ground = telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
-    if on_ground && held.is_none() {
+    if telemetry.stands() && held.is_none() {
         return "vehicle is on the ground, nothing is commanded".to_owned();
     }
     let mission = &context.mission;

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
-use mavlink_link::dialect::MavLandedState;
 use stanag_msgs::enums::{FlightPathControlMode as Mode, RouteType};
 
 use super::loss_action::{Action, LossContext};
@@ -110,7 +109,7 @@ impl Flight {
     ) {
         let telemetry = &context.vehicle.telemetry;
         let gone = telemetry.mode == Some(Px4Mode::TERMINATION) || telemetry.armed == Some(false);
-        if context.controller.is_some() || gone || !telemetry.airborne() {
+        if context.controller.is_some() || gone || telemetry.stands() {
             return;
         }
         // The termination has ended the set points, even if the vehicle still reports their mode.
@@ -236,7 +235,7 @@ impl Flight {
         LossContext {
             now: context.mono(),
             live: context.vehicle.live(),
-            on_ground: telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND),
+            on_ground: telemetry.stands(),
             controlled: context.controller.is_some(),
             // A command that was dropped when control was lost may still take effect: an older report ends no action.
             mode: context.vehicle.settled_mode(),
@@ -257,9 +256,8 @@ impl Flight {
             return;
         }
         let mut loss = self.loss_context(context);
-        // On the ground PX4 may be in AUTO.LOITER too. A landed state that is undefined shows neither.
-        let telemetry = &context.vehicle.telemetry;
-        loss.live &= telemetry.stands() || telemetry.airborne();
+        // On the ground PX4 may be in AUTO.LOITER too.
+        loss.live &= context.vehicle.telemetry.landed.is_some();
         self.loss_action.watch_cut_off(&loss, effects);
     }
 
@@ -287,8 +285,8 @@ impl Flight {
     pub(super) fn end_cut_off_launch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let telemetry = &context.vehicle.telemetry;
         let flies = telemetry.airborne();
-        // Until both are known, a disarm command might stop a vehicle in the air. A landed state that is undefined shows neither.
-        let known = context.vehicle.live() && (flies || telemetry.stands());
+        // Until both are known, a disarm command might stop a vehicle in the air.
+        let known = context.vehicle.live() && telemetry.landed.is_some();
         let (true, true, Some(armed)) = (self.launch_cut_off, known, telemetry.armed) else {
             return;
         };

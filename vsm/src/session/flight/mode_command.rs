@@ -179,7 +179,7 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
         return Err("mode 21 (launch): the vehicle is already in the air".to_owned());
     }
     // After a start of the VSM the vehicle may be in the air without having reported it yet.
-    if at.telemetry.landed.is_none() {
+    if !at.telemetry.stands() {
         return Err(
             "mode 21 (launch): the vehicle has not reported yet whether it is on the ground"
                 .to_owned(),
@@ -302,11 +302,12 @@ const LOWEST_LAUNCH_M: f64 = 1.5;
 
 #[cfg(test)]
 mod tests {
-    use mapping::altitude::{Agl, Altimeter, FRAME_AMSL};
+    use curve_paths::terrain::{Grid, Terrain};
+    use mapping::altitude::{Agl, Altimeter, FRAME_AMSL, Level};
     use mapping::limits::{Limits, Performance};
     use mapping::plan::Plan;
-    use mapping::route::CompiledMission;
-    use mapping::telemetry::{Place, Telemetry};
+    use mapping::route::{CompiledMission, Leg};
+    use mapping::telemetry::{LandedState, Place, Telemetry};
     use mavlink_link::dialect::MavLandedState;
     use mavlink_link::service::mission::Item;
     use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
@@ -325,7 +326,7 @@ mod tests {
         limits: Limits,
     ) -> Result<Task, String> {
         task_with(
-            (&Plan::default(), None),
+            (&Plan::default(), None, None),
             command,
             telemetry,
             uploaded,
@@ -334,7 +335,7 @@ mod tests {
     }
 
     fn task_with(
-        (plan, infeasible): (&Plan, Option<&str>),
+        (plan, infeasible, terrain): (&Plan, Option<&str>, Option<&Terrain>),
         command: &VehicleOperatingModeCommand,
         telemetry: &Telemetry,
         uploaded: Option<&UploadedMission>,
@@ -355,7 +356,7 @@ mod tests {
             agl: Agl::AboveHome,
             altimeter: Altimeter::STANDARD,
             limits,
-            terrain: None,
+            terrain,
             performance: Performance::default(),
             route_performance: Performance::default(),
             wings: None,
@@ -386,10 +387,12 @@ mod tests {
             let task = task_of(&command, &telemetry, None, Limits::default());
             task.map(|task| matches!(task, Task::Launch(..)))
         };
-        let stands = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
-        assert_eq!(judged(Some(stands)), Ok(true));
-        // The VSM was restarted while the vehicle flies.
-        assert!(judged(None).is_err_and(|why| why.contains("not reported yet")));
+        assert_eq!(judged(Some(LandedState::OnGround)), Ok(true));
+        // The VSM was restarted while the vehicle flies, or the vehicle does not know it.
+        let undefined = LandedState::of(MavLandedState::MAV_LANDED_STATE_UNDEFINED);
+        for unknown in [None, undefined] {
+            assert!(judged(unknown).is_err_and(|why| why.contains("not reported yet")));
+        }
     }
 
     #[test]
@@ -416,7 +419,7 @@ mod tests {
         };
         let refused = |plan: &Plan| {
             let at = Telemetry::default();
-            let task = task_with((plan, None), &command, &at, None, Limits::default());
+            let task = task_with((plan, None, None), &command, &at, None, Limits::default());
             task.map(drop).expect_err("no route")
         };
         let mut plan = Plan::default();
@@ -465,13 +468,75 @@ mod tests {
             ..Telemetry::default()
         };
         let judged = |infeasible| {
-            let given = (&Plan::default(), infeasible);
+            let given = (&Plan::default(), infeasible, None);
             let limits = Limits::default();
             task_with(given, &command, &telemetry, Some(&uploaded), limits).map(drop)
         };
         assert_eq!(judged(None), Ok(()));
         let why = judged(Some("infeasible: load another")).expect_err("PX4 flies nothing of it");
         assert_eq!(why, "mode 11 (waypoint): infeasible: load another");
+    }
+
+    #[test]
+    fn the_way_to_a_route_is_compared_with_the_terrain_unless_the_vehicle_is_on_the_ground() {
+        // From north to south: a ridge between the vehicle and waypoint 7.
+        let rows = (0..20).map(|row| {
+            let ridge = (8..12).contains(&row);
+            let height = if ridge { "600 " } else { "400 " };
+            height.repeat(20)
+        });
+        let rows: String = rows.collect();
+        let text = format!("ncols 20 nrows 20 xllcenter 8 yllcenter 47 cellsize 0.001 {rows}");
+        let grid = Grid::read("ridge.asc", text.into_bytes()).expect("a grid");
+        let terrain = Terrain::new(vec![grid]);
+        let (latitude, longitude) = (47.002, 8.01);
+        let item = Item {
+            frame: FRAME_AMSL,
+            command: 16,
+            x: 470_020_000,
+            y: 80_100_000,
+            z: 500.0,
+            ..Item::default()
+        };
+        let leg = Leg {
+            number: 7,
+            latitude,
+            longitude,
+            level: Level::Amsl(500.0),
+            speed_m_s: None,
+        };
+        let (uploaded, command) = aboard_and_waypoint(CompiledMission {
+            items: vec![item],
+            waypoint_of: vec![7],
+            order: vec![leg],
+            ..CompiledMission::default()
+        });
+        let judged = |landed| {
+            let home = Place {
+                latitude,
+                longitude,
+                amsl_m: 400.0,
+            };
+            let telemetry = Telemetry {
+                home: Some(home),
+                position: Some(Place {
+                    latitude: 47.016,
+                    amsl_m: 450.0,
+                    ..home
+                }),
+                landed,
+                ..Telemetry::default()
+            };
+            let given = (&Plan::default(), None, Some(&terrain));
+            let limits = Limits::default();
+            task_with(given, &command, &telemetry, Some(&uploaded), limits).map(drop)
+        };
+        assert_eq!(judged(Some(LandedState::OnGround)), Ok(()));
+        for landed in [Some(LandedState::InAir), None] {
+            let why = judged(landed).expect_err("the ridge is higher");
+            let expected = "from where the vehicle is, waypoint 7: ";
+            assert!(why.contains(expected), "{landed:?}: {why}");
+        }
     }
 
     #[test]

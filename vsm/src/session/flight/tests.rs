@@ -2,8 +2,8 @@
 
 use mapping::plan::Plan;
 use mapping::route::CompiledMission;
-use mapping::telemetry::{MissionProgress, Place};
-use mavlink_link::dialect::{MavCmd, MavLandedState, MavResult, MavState, MavType, MissionState};
+use mapping::telemetry::{LandedState, MissionProgress, Place};
+use mavlink_link::dialect::{MavCmd, MavResult, MavState, MavType, MissionState};
 use mavlink_link::service::mission::Item;
 use stanag_msgs::TimeStamp;
 use stanag_msgs::enums::HeadingCommandType;
@@ -627,8 +627,15 @@ fn what_a_held_contingency_has_begun_outlives_control_but_not_a_loss_action() {
 
 #[test]
 fn who_has_taken_the_vehicle_from_a_termination_keeps_it_though_nobody_controls() {
-    for (mode, acts) in [(Px4Mode::POSCTL, false), (Px4Mode::LOITER, true)] {
+    let air = Some(LandedState::InAir);
+    for (mode, landed, acts) in [
+        (Px4Mode::POSCTL, air, false),
+        (Px4Mode::LOITER, air, true),
+        (Px4Mode::LOITER, None, true),
+        (Px4Mode::LOITER, Some(LandedState::OnGround), false),
+    ] {
         let (mut world, mut flight) = (World::airborne(Px4Mode::LAND), Flight::default());
+        world.vehicle.telemetry.landed = landed;
         world.settings.authority.on_loss = OnLoss::Rtl;
         world.termination.holds = true;
         world.controller = None;
@@ -637,9 +644,9 @@ fn who_has_taken_the_vehicle_from_a_termination_keeps_it_though_nobody_controls(
         world.show_mode(mode);
         world.termination.holds = false;
         handle(&mut world, &mut flight, Input::Advance);
-        assert_eq!(flight.view().loss_action, acts, "{mode:?}");
+        assert_eq!(flight.view().loss_action, acts, "{mode:?} {landed:?}");
         handle(&mut world, &mut flight, Input::WatchLossAction);
-        assert_eq!(flight.view().loss_action, acts, "{mode:?}");
+        assert_eq!(flight.view().loss_action, acts, "{mode:?} {landed:?}");
     }
 }
 
@@ -724,8 +731,7 @@ fn a_vehicle_that_a_pilot_has_armed_is_not_disarmed_for_a_launch_that_was_cut_of
     let mut world = World::airborne(Px4Mode::new(7, 0));
     let mut flight = Flight::default();
     flight.cut_off_launch();
-    let landed = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
-    world.vehicle.telemetry.landed = Some(landed);
+    world.vehicle.telemetry.landed = Some(LandedState::OnGround);
     handle(&mut world, &mut flight, Input::EndCutOffLaunch);
     handle(&mut world, &mut flight, Input::Advance);
     assert_eq!(world.services.commands.poll_transmit(), None);
@@ -736,8 +742,7 @@ fn a_vehicle_that_a_pilot_has_armed_is_not_disarmed_for_a_launch_that_was_cut_of
 fn nothing_is_disarmed_before_the_vehicle_knows_where_it_is() {
     let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
     flight.cut_off_launch();
-    let undefined = MavLandedState::MAV_LANDED_STATE_UNDEFINED;
-    world.vehicle.telemetry.landed = Some(undefined);
+    world.vehicle.telemetry.landed = None;
     handle(&mut world, &mut flight, Input::EndCutOffLaunch);
     handle(&mut world, &mut flight, Input::Advance);
     assert_eq!(world.services.commands.poll_transmit(), None);
@@ -761,10 +766,9 @@ fn restarted(world: &mut World, on_loss: OnLoss) -> Flight {
 fn a_loss_action_that_a_restart_cut_off_waits_until_the_vehicle_is_known_to_fly() {
     let mut world = World::airborne(Px4Mode::LOITER);
     let mut flight = restarted(&mut world, OnLoss::Contingency);
-    let undefined = MavLandedState::MAV_LANDED_STATE_UNDEFINED;
-    world.vehicle.telemetry.landed = Some(undefined);
+    world.vehicle.telemetry.landed = None;
     assert_eq!(watch(&mut world, &mut flight, 7), []);
-    world.vehicle.telemetry.landed = Some(MavLandedState::MAV_LANDED_STATE_IN_AIR);
+    world.vehicle.telemetry.landed = Some(LandedState::InAir);
     assert_eq!(watch(&mut world, &mut flight, 1), [Px4Mode::RTL]);
 }
 
@@ -774,8 +778,7 @@ fn a_launch_that_a_restart_cut_off_leaves_no_running_motors_on_the_ground() {
         let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
         flight.launch_cut_off = true;
         if !airborne {
-            let landed = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
-            world.vehicle.telemetry.landed = Some(landed);
+            world.vehicle.telemetry.landed = Some(LandedState::OnGround);
         }
         handle(&mut world, &mut flight, Input::EndCutOffLaunch);
         handle(&mut world, &mut flight, Input::Advance);
@@ -1183,11 +1186,7 @@ fn just_after_a_start_a_landing_is_broken_off_too_and_none_begins_where_the_wing
     for (landed, armed, warns) in [
         (None, true, true),
         (None, false, false),
-        (
-            Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND),
-            true,
-            false,
-        ),
+        (Some(LandedState::OnGround), true, false),
     ] {
         let begun = || {
             let (mut world, flight) = on_final();
@@ -1217,7 +1216,7 @@ fn just_after_a_start_a_landing_is_broken_off_too_and_none_begins_where_the_wing
 fn a_landing_that_another_has_taken_or_that_ends_is_not_broken_off() {
     let shown: [fn(&mut World); 4] = [
         |world| world.show_mode(Px4Mode::POSCTL),
-        |world| world.vehicle.telemetry.landed = Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND),
+        |world| world.vehicle.telemetry.landed = Some(LandedState::OnGround),
         |world| world.vehicle.telemetry.armed = Some(false),
         // Of a silent vehicle the item is not known for a second.
         |world| world.vehicle.telemetry.mission = None,

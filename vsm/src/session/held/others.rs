@@ -51,7 +51,7 @@ pub(super) fn flown_from_here(
     {
         // On the ground a failsafe means nothing yet, but a pilot who has armed by hand is about to take off.
         Some(other @ Other::Pilot(_)) => Err(other.to_string()),
-        Some(other) if telemetry.airborne() => Err(other.to_string()),
+        Some(other) if !telemetry.stands() => Err(other.to_string()),
         None if telemetry.mode.is_none() => Err("the mode of the vehicle is not known".to_owned()),
         _ => Ok(()),
     }

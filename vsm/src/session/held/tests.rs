@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
-use mavlink_link::dialect::{MavLandedState, MavState};
+use mapping::telemetry::LandedState;
+use mavlink_link::dialect::MavState;
 use mavlink_link::store::MemoryDisk;
 use proptest::prelude::*;
 use stanag_msgs::enums::{
@@ -365,7 +366,7 @@ fn nothing_is_carried_out_before_a_power_cut_would_leave_it_so() {
 fn what_a_pilot_has_armed_on_the_ground_is_theirs() {
     for (mode, carried_out) in [(Px4Mode::new(7, 0), 0), (Px4Mode::LOITER, 1)] {
         let mut scene = Scene::new();
-        scene.world.vehicle.telemetry.landed = Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
+        scene.world.vehicle.telemetry.landed = Some(LandedState::OnGround);
         scene.world.show_mode(mode);
         scene.play(&Step::Give {
             number: 1,
@@ -376,6 +377,26 @@ fn what_a_pilot_has_armed_on_the_ground_is_theirs() {
         scene.play(&Step::Pass(2_100));
         let given = scene.given.values().next().expect("given");
         assert_eq!(given.carried_out, carried_out, "{mode:?}");
+    }
+}
+
+/// On the ground a failsafe means nothing yet.
+#[test]
+fn a_failsafe_keeps_a_vehicle_that_is_not_known_to_be_on_the_ground() {
+    for (landed, carried_out) in [(Some(LandedState::OnGround), 1), (None, 0)] {
+        let mut scene = Scene::new();
+        let telemetry = &mut scene.world.vehicle.telemetry;
+        telemetry.landed = landed;
+        telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+        scene.play(&Step::Give {
+            number: 1,
+            after_s: Some(2),
+            valid_s: 10,
+            contingency: false,
+        });
+        scene.play(&Step::Pass(2_100));
+        let given = scene.given.values().next().expect("given");
+        assert_eq!(given.carried_out, carried_out, "{landed:?}");
     }
 }
 

@@ -23,7 +23,7 @@ use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
-use mavlink_link::dialect::{MavCmd, MavLandedState, MavResult};
+use mavlink_link::dialect::{MavCmd, MavResult};
 use mavlink_link::service::command::{self, Command, Outcome, Ticket};
 use mavlink_link::service::mission;
 
@@ -477,8 +477,7 @@ impl Maneuver {
     ) {
         self.withdraw(now, services);
         // In the air nothing is undone: motors must not stop there, and PX4 refuses to disarm.
-        let on_ground =
-            vehicle.telemetry.landed == Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
+        let on_ground = vehicle.telemetry.stands();
         if let (true, true, Some(undo)) = (self.armed_by_us, on_ground, self.undo) {
             // A full queue means that the vehicle does not answer; PX4 disarms by itself on the ground (COM_DISARM_PRFLT).
             let _ = services.commands.submit(now, undo);
@@ -613,6 +612,7 @@ const PAUSE: Duration = Duration::from_millis(400);
 
 #[cfg(test)]
 mod tests {
+    use mapping::telemetry::LandedState;
     use mavlink_link::dialect::MavMessage;
 
     use super::*;
@@ -697,7 +697,7 @@ mod tests {
     fn a_launch_continues_after_a_short_stop_and_is_undone_after_a_long_one() {
         for lapsed in [false, true] {
             let mut world = World::new();
-            world.vehicle.telemetry.landed = Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
+            world.vehicle.telemetry.landed = Some(LandedState::OnGround);
             let enters = |step: &Step| !matches!(step, Step::Command { what: "arming", .. });
             let steps = launch(420.0).into_iter().skip_while(enters);
             let mut maneuver = Maneuver::new(steps, Commanded::default()).undone_by(arm(false));

@@ -89,7 +89,7 @@ impl BandWatch {
         effects: &mut Effects<'_>,
     ) {
         let telemetry = &context.vehicle.telemetry;
-        if telemetry.landed.is_some() && !telemetry.airborne() {
+        if telemetry.stands() {
             *self = BandWatch::default();
             return effects.clear(Cause::AltitudeBand, "the vehicle is on the ground");
         }

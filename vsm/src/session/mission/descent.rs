@@ -77,7 +77,7 @@ impl DescentWatch {
         effects: &mut Effects<'_>,
     ) {
         let telemetry = &context.vehicle.telemetry;
-        if telemetry.landed.is_some() && !telemetry.airborne() {
+        if telemetry.stands() {
             effects.clear(Cause::Sinking, "the vehicle is on the ground");
         }
         let sample = uploaded.and_then(|uploaded| sample(context, uploaded));

@@ -343,8 +343,7 @@ const HEIGHT_NEAR_M: f64 = 20.0;
 mod tests {
     use mapping::altitude::Level;
     use mapping::route::Leg;
-    use mapping::telemetry::{MissionProgress, Place};
-    use mavlink_link::dialect::MavLandedState;
+    use mapping::telemetry::{LandedState, MissionProgress, Place};
     use mavlink_link::service::mission::Item;
 
     use super::*;
@@ -561,7 +560,7 @@ mod tests {
     impl Followed {
         fn uploaded(compiled: CompiledMission) -> Followed {
             let mut vehicle = at_the_end(Px4Mode::LOITER);
-            vehicle.landed = Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND);
+            vehicle.landed = Some(LandedState::OnGround);
             let mut progress = RouteProgress::default();
             progress.begin(&vehicle);
             Followed {
@@ -571,7 +570,7 @@ mod tests {
             }
         }
 
-        fn look(&mut self, mode: Px4Mode, landed: MavLandedState, seq: u16, state: MissionState) {
+        fn look(&mut self, mode: Px4Mode, landed: LandedState, seq: u16, state: MissionState) {
             (self.vehicle.mode, self.vehicle.landed) = (Some(mode), Some(landed));
             let mission = self.vehicle.mission.as_mut().expect("it reports one");
             (mission.seq, mission.state) = (seq, state);
@@ -594,8 +593,8 @@ mod tests {
 
     const ACTIVE: MissionState = MissionState::MISSION_STATE_ACTIVE;
     const COMPLETE: MissionState = MissionState::MISSION_STATE_COMPLETE;
-    const GROUND: MavLandedState = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
-    const AIR: MavLandedState = MavLandedState::MAV_LANDED_STATE_IN_AIR;
+    const GROUND: LandedState = LandedState::OnGround;
+    const AIR: LandedState = LandedState::InAir;
 
     /// PX4 v1.18 calls the mission complete after AUTO.LAND and AUTO.TAKEOFF too, with the item at which it was left.
     #[test]

@@ -63,7 +63,7 @@ impl Resync {
             return false;
         }
         // PX4 would fly the new plan at once, from the index that it has reached in the present one.
-        if telemetry.mode == Some(Px4Mode::MISSION) && telemetry.airborne() {
+        if telemetry.mode == Some(Px4Mode::MISSION) && !telemetry.stands() {
             if !self.warned {
                 // Warn once: the comparison stays due and is repeated until the vehicle leaves the mode.
                 self.warned = true;

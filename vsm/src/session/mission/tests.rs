@@ -4,8 +4,8 @@ use mapping::altitude::Altimeter;
 use mapping::area::Shape;
 use mapping::rally::{self, Height};
 use mapping::route::{self, Site};
-use mapping::telemetry::{MissionProgress, Place};
-use mavlink_link::dialect::{MavLandedState, MissionState};
+use mapping::telemetry::{LandedState, MissionProgress, Place};
+use mavlink_link::dialect::MissionState;
 use mavlink_link::service::mission::{
     Event, Failure, Item, MavMissionType, Operation, plan_id, px4_read_back,
 };
@@ -546,6 +546,24 @@ fn a_returned_vehicle_with_another_mission_is_sent_the_loaded_one_again() {
     assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
 }
 
+/// PX4 would fly it at once, from the item that it has reached in the other.
+#[test]
+fn the_loaded_mission_is_sent_again_in_auto_mission_only_on_the_ground() {
+    for (landed, sent) in [
+        (Some(LandedState::OnGround), true),
+        (Some(LandedState::InAir), false),
+        (None, false),
+    ] {
+        let (mut world, mut mission, id) = holds_the_loaded_one();
+        world.show_mode(mapping::mode::Px4Mode::MISSION);
+        world.vehicle.telemetry.landed = landed;
+        world.vehicle.telemetry.mission = named(id + 1, 0);
+        handle(&mut world, &mut mission, Input::LinkUp);
+        handle(&mut world, &mut mission, Input::CompareWithVehicle);
+        assert_eq!(mission.transfers.is_running(), sent, "{landed:?}");
+    }
+}
+
 #[test]
 fn a_download_sends_eight_messages_and_pauses() {
     let (mut world, mut mission) = ready();
@@ -787,12 +805,9 @@ fn a_route_aboard_is_infeasible_on_the_ground_only_where_it_breaches_the_fence()
         for _ in 0..2 {
             handle(world, mission, Input::WatchProgress);
         }
-        let refusals = [
-            MavLandedState::MAV_LANDED_STATE_ON_GROUND,
-            MavLandedState::MAV_LANDED_STATE_IN_AIR,
-        ]
-        .map(|landed| {
-            world.vehicle.telemetry.landed = Some(landed);
+        let (ground, air) = (Some(LandedState::OnGround), Some(LandedState::InAir));
+        let refusals = [ground, air, None].map(|landed| {
+            world.vehicle.telemetry.landed = landed;
             let view = mission.view(&world.vehicle, &world.services);
             view.why_infeasible(&world.vehicle.telemetry)
         });
@@ -803,7 +818,7 @@ fn a_route_aboard_is_infeasible_on_the_ground_only_where_it_breaches_the_fence()
     let (refusals, alert) = found(&mut world, &mut mission, fence_id);
     let text = alert.expect("it stands");
     assert!(!text.contains("fence"), "{text}");
-    assert_eq!(refusals, [None, Some(text)]);
+    assert_eq!(refusals, [None, Some(text.clone()), Some(text)]);
 
     let around_the_first = Area {
         keep_in: true,
@@ -816,12 +831,12 @@ fn a_route_aboard_is_infeasible_on_the_ground_only_where_it_breaches_the_fence()
     let (refusals, alert) = found(&mut world, &mut mission, fence_id);
     let text = alert.expect("it stands");
     assert!(text.contains("(waypoint 2 breaches it)"), "{text}");
-    assert_eq!(refusals, [Some(text.clone()), Some(text)]);
+    assert_eq!(refusals, [(); 3].map(|()| Some(text.clone())));
 
     // The vehicle may have restarted: it judges its mission once it has read its fence again.
     handle(&mut world, &mut mission, Input::LinkUp);
     let (refusals, _) = found(&mut world, &mut mission, fence_id);
-    assert_eq!(refusals, [None, None]);
+    assert_eq!(refusals, [None, None, None]);
     world.advance(2 * SECOND);
     let (refusals, _) = found(&mut world, &mut mission, fence_id);
     assert!(refusals.iter().all(Option::is_some), "{refusals:?}");
@@ -1231,8 +1246,7 @@ fn the_watches_of_a_mission_judge_nothing_while_a_flight_termination_holds() {
     for holds in [false, true] {
         let (mut world, mut mission) = ready();
         flying_to_a_landing(&mut world, &mut mission);
-        world.vehicle.telemetry.landed =
-            Some(mavlink_link::dialect::MavLandedState::MAV_LANDED_STATE_IN_AIR);
+        world.vehicle.telemetry.landed = Some(LandedState::InAir);
         world.termination.holds = holds;
         let uploaded = mission.uploaded().expect("aboard");
         let judged = world.act(|common, views, _| {

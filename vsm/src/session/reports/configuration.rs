@@ -464,7 +464,7 @@ fn available_modes(
             _ => false,
         },
         // Before it has reported where it is, it may be in the air.
-        launch: telemetry.landed.is_some() && !telemetry.airborne(),
+        launch: telemetry.stands(),
     }
 }
 

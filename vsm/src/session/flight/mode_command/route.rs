@@ -179,7 +179,7 @@ fn check_way_to_route(
     enters: bool,
     at: &Situation<'_>,
 ) -> Result<(), String> {
-    let Some(terrain) = at.terrain.filter(|_| at.telemetry.airborne()) else {
+    let Some(terrain) = at.terrain.filter(|_| !at.telemetry.stands()) else {
         return Ok(());
     };
     let compiled = &uploaded.compiled;
