@@ -2,13 +2,14 @@
 //! and not 0, and that a vector that contradicts its data drops the message.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use super::acknowledgement::carried_out;
 use super::scene::Scene;
 use crate::bench::station::{Access, Station, information_request, loi};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Precondition, Stop};
-use crate::wire::{Direction, Draft};
+use crate::wire::{Direction, Draft, Seen};
 
 pub(super) const SCENES: &[Scene] = &[
     Scene {
@@ -107,8 +108,21 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
         let sent = a.send(Draft::new(2017).raw(field, value).acked());
         let done = carried_out(t, &a, &sent, t.timers().answer / 4)?;
         let mut report = a.query(3004)?;
+        let lacks = |report: &Seen| {
+            let recording = t.bench.net.recording();
+            let all = recording.datagrams.iter();
+            let before = all.filter(|datagram| datagram.direction == Direction::Received);
+            let before = before.flat_map(|datagram| &datagram.messages);
+            let of_vehicle = before.filter(|seen| seen.piece.source == a.vehicle);
+            may_lack(report, field, of_vehicle.map(Arc::as_ref))
+        };
         if done.is_some() {
-            t.expect_beside(&report, report.raw(field) == Some(value), || {
+            if lacks(&report) {
+                t.note(format!(
+                    "3004 has had no {field} in a loiter of this type: not judged by it"
+                ));
+            }
+            t.expect_beside(&report, report.raw(field) == Some(value) || lacks(&report), || {
                 format!("expected {field} {value} in 3004 after a 2017 with it alone that was carried out, got {:?}", report.raw(field))
             })?;
         }
@@ -121,7 +135,8 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
                 seen.kind() == 17000 && seen.raw("Acknowledgement Type") == Some(3)
             });
             let turned = a.query(3004)?;
-            t.expect_beside(&turned, turned.raw(field) == Some(other) || !refused.is_empty() && turned.raw(field).is_none(), || {
+            let unshown = turned.raw(field).is_none() && (!refused.is_empty() || lacks(&turned));
+            t.expect_beside(&turned, turned.raw(field) == Some(other) || unshown, || {
                 format!("expected a 2017 with {field} only to be carried out; 3004 shows {:?}, expected {other}", turned.raw(field))
             })?;
             report = turned;
@@ -139,7 +154,10 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
                 continue;
             }
             let (was, is) = (last.raw(other), report.raw(other));
-            t.expect_of(&report, was == is, || {
+            // A loiter of another type has other fields.
+            let turns_type = field == "Loiter Type" && last.raw(field) != report.raw(field);
+            let comes_or_goes = was.is_none() || is.is_none();
+            t.expect_of(&report, was == is || turns_type && comes_or_goes, || {
                 format!("expected {other} to stay {was:?} after a 2017 with {field} only; 3004 shows {is:?}")
             })?;
         }
@@ -157,6 +175,16 @@ fn absent_is_not_zero(t: &Trial) -> Judged {
     t.expect_of(&after, after.raw("Commanded Altitude") == altitude, || {
         format!("expected the commanded altitude to stay {altitude:?} after a 2016 without one; 3002 shows {:?}", after.raw("Commanded Altitude"))
     })
+}
+
+/// Whether a 3004 leaves a field out lawfully: none of before had it in a loiter of this type. A bearing, say, is that of a figure of
+/// eight, and a vehicle may fly none.
+fn may_lack<'a>(report: &Seen, field: &str, mut before: impl Iterator<Item = &'a Seen>) -> bool {
+    let same_type = |seen: &Seen| {
+        field == "Loiter Type" || seen.raw("Loiter Type") == report.raw("Loiter Type")
+    };
+    report.raw(field).is_none()
+        && !before.any(|seen| seen.kind() == 3004 && seen.has(field) && same_type(seen))
 }
 
 fn full_vectors_until_partial_ones_are_allowed(t: &Trial) -> Judged {
@@ -179,7 +207,7 @@ fn full_vectors_until_partial_ones_are_allowed(t: &Trial) -> Judged {
     }
     // Messages that are sent on request only.
     for kind in [3, 3004, 3006, 3009, 3010] {
-        let width = |seen: &crate::wire::Seen| {
+        let width = |seen: &Seen| {
             let width = seen.info.map_or(1, |info| usize::from(info.presence_bytes));
             seen.piece.data[..width.min(seen.piece.data.len())].to_vec()
         };
@@ -289,4 +317,35 @@ fn vector_and_data_must_agree(t: &Trial) -> Judged {
     t.expect(a.commands_work()?, || {
         "expected the next good 2017 to work".into()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_setting_may_be_left_out_of_a_loiter_that_never_had_it() {
+        let report = |kind: i64, bearing: Option<i64>| {
+            let report = Draft::new(3004).raw("Loiter Type", kind);
+            match bearing {
+                Some(bearing) => report.raw("Loiter Bearing", bearing).seen(),
+                None => report.seen(),
+            }
+        };
+        let lacks =
+            |report: &Seen, before: &[Seen]| may_lack(report, "Loiter Bearing", before.iter());
+        let (circle, eight) = (1, 3);
+        let bare = report(circle, None);
+        assert!(lacks(&bare, &[]));
+        assert!(lacks(&bare, &[report(circle, None)]));
+        assert!(
+            lacks(&bare, &[report(eight, Some(100))]),
+            "it is that of an eight"
+        );
+        assert!(!lacks(&bare, &[report(circle, Some(0))]), "it had one");
+        // One that is reported is judged by its value.
+        assert!(!lacks(&report(circle, Some(0)), &[]));
+        let without_type = Draft::new(3004).seen();
+        assert!(!may_lack(&without_type, "Loiter Type", [bare].iter()));
+    }
 }

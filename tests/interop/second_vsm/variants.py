@@ -1,4 +1,4 @@
-"""Twelve lawful departures that the conformance suite must not call a fault."""
+"""Thirteen lawful departures that the conformance suite must not call a fault."""
 import socket
 from dataclasses import replace as with_values
 
@@ -138,3 +138,10 @@ def _(vsm):
 @variant("L12", "no checksums on a clean link")
 def _(vsm):
     vsm.codec.style = 0
+
+
+@variant("L13", "3004 without what a circle lacks: length and bearing")
+def _(vsm):
+    lacking = ("Loiter Length", "Loiter Length Units", "Loiter Bearing")
+    replace(vsm.codec, "encode", lambda old: lambda id, source, destination, fields, ack=False: old(
+        id, source, destination, {n: v for n, v in fields.items() if id != 3004 or n not in lacking}, ack))
