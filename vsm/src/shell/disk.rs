@@ -14,7 +14,7 @@ use std::os::unix::fs::{
     DirBuilderExt, FileExt as _, MetadataExt as _, OpenOptionsExt, PermissionsExt,
 };
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use mavlink_link::clock::CEILING;
 use mavlink_link::encrypted::ENCRYPTED;
@@ -37,7 +37,7 @@ pub struct FileDisk {
     folder: PathBuf,
     system: Arc<dyn FileSystem>,
     /// Held open for its lock.
-    _lock: Arc<File>,
+    lock: Arc<File>,
 }
 
 /// What was added to a log.
@@ -186,7 +186,7 @@ impl FileDisk {
         Ok(FileDisk {
             folder: folder.to_owned(),
             system: Arc::from(system),
-            _lock: Arc::new(lock),
+            lock: Arc::new(lock),
         })
     }
 
@@ -195,7 +195,7 @@ impl FileDisk {
         FileDisk {
             folder: self.folder.clone(),
             system,
-            _lock: self._lock.clone(),
+            lock: self.lock.clone(),
         }
     }
 
@@ -206,6 +206,11 @@ impl FileDisk {
 
     pub(super) fn system(&self) -> Arc<dyn FileSystem> {
         self.system.clone()
+    }
+
+    /// Its lock, as long as anybody here has it.
+    pub(super) fn lock(&self) -> Weak<File> {
+        Arc::downgrade(&self.lock)
     }
 
     /// The names of its files.

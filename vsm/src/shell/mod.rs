@@ -3,8 +3,9 @@
 //! From the bottom up: `ownership` checks which files are trusted; `disk` implements [`Disk`](mavlink_link::store::Disk),
 //! and `queued_disk` puts a thread before it that synchronises, so that a running bridge never waits for that; `key_file`
 //! and `key_store` are the signing keys, `guard_file` those of the DLI guard, `guard_agreed` those agreed with the guard,
-//! `ordered_files` the thread that writes them, `clock` and `timer` the time, `sockets` UDP and serial lines, `interfaces` the
-//! networks, `local_peers` with `socket_owners` the programs at their other end, `encryption` the encrypted links on these;
+//! `ordered_files` the thread that writes them, `lent_files` what a thread may change that outlives its store; `clock` and
+//! `timer` the time, `sockets` UDP and serial lines, `interfaces` the networks, `local_peers` with `socket_owners` the
+//! programs at their other end, `encryption` the encrypted links on these;
 //! `recording` and `dli_recording` write the traffic, `log_pipe` the log; `status_socket`, `pairing_socket`, `web` and
 //! `service` show the state to people and to systemd; `tasks` ends a program when a part of it has ended. On these stand
 //! the programs: `server` (`vsm run`), `replay` (`vsm replay`), `airside` with `airside_disk` and `airside_key` (`vsm
@@ -32,6 +33,7 @@ pub mod interfaces;
 pub mod key_file;
 pub mod key_link;
 pub mod key_store;
+mod lent_files;
 pub mod local_peers;
 pub mod log_pipe;
 pub mod ordered_files;

@@ -25,6 +25,7 @@ use zeroize::Zeroizing;
 
 use super::disk::{FileDisk, FileSystem};
 use super::key_store::KeyStore;
+use super::lent_files::LentFiles;
 use super::queued_disk::dirty_names;
 
 /// The steps of one vehicle's files. Clones share them.
@@ -259,17 +260,17 @@ impl FileSystem for OrderedFiles {
 pub struct OrderedKeys {
     /// The key files.
     pub keys: KeyStore,
-    /// The store, for records of the exchange.
-    pub records: FileDisk,
-    /// The steps of both.
+    /// The steps of these, and of the records.
     pub files: OrderedFiles,
+    /// The store, for records of the exchange. Dropped last: the thread ends before it would find that nobody has the store.
+    pub records: FileDisk,
 }
 
 impl OrderedKeys {
     /// From here on nobody waits for these files.
     #[must_use]
     pub fn start(mut keys: KeyStore, store: &FileDisk, progress: Arc<Notify>) -> OrderedKeys {
-        let files = OrderedFiles::new(store.system(), progress);
+        let files = OrderedFiles::new(Arc::new(LentFiles::of(store)), progress);
         keys.write_through(Box::new(files.clone()));
         OrderedKeys {
             keys,
@@ -430,6 +431,34 @@ mod tests {
         assert!(!crate::shell::disk::lock(&other).unwrap());
         let missing = files.rename(&path("next"), &path("key")).unwrap_err();
         assert_eq!(missing.kind(), io::ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn no_key_is_written_once_the_store_is_given_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let store = FileDisk::open(&path("state")).unwrap();
+        let lent = Arc::new(LentFiles::of(&store));
+        let files = OrderedFiles::new(lent, Arc::new(Notify::new()));
+        replace(&files, &path("key"), b"1", true).unwrap();
+        assert!(wait(&files));
+        drop(store);
+        let after = files.queued();
+        replace(&files, &path("next"), b"2", true).unwrap();
+        let of = Changes {
+            after,
+            until: files.queued(),
+        };
+        let end = Instant::now() + Duration::from_secs(20);
+        while files.progress(of) == Progress::Waiting && Instant::now() < end {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        assert_eq!(files.progress(of), Progress::Failing);
+        let there = std::fs::read_dir(folder.path()).unwrap();
+        let there = there.map(|one| one.unwrap().file_name().into_string().unwrap());
+        let mut there: Vec<String> = there.collect();
+        there.sort();
+        assert_eq!(there, ["key", "state"]);
     }
 
     #[test]

@@ -45,6 +45,7 @@ use zeroize::Zeroizing;
 pub(super) use self::writer::dirty_names;
 use self::writer::{BESIDE, Batch, Done, Grown, Waiting, write};
 use super::disk::{Added, FileDisk, is_numbered, keeps_its_room, replace};
+use super::lent_files::LentFiles;
 use crate::session::MAX_LOG_BYTES;
 
 mod writer;
@@ -104,11 +105,11 @@ impl QueuedDisk {
         let lane = |name: &str| {
             let (work, batches) = channel();
             let (reports, done) = channel();
-            let (system, folder) = (disk.system(), disk.folder().to_owned());
+            let (system, folder) = (LentFiles::of(&disk), disk.folder().to_owned());
             let progress = progress.clone();
             std::thread::Builder::new()
                 .name(name.to_owned())
-                .spawn(move || write(&*system, &folder, &batches, &reports, &progress))?;
+                .spawn(move || write(&system, &folder, &batches, &reports, &progress))?;
             io::Result::Ok(Lane {
                 next: Batch::default(),
                 given: 0,

@@ -6,11 +6,11 @@ use std::fs::File;
 use std::os::fd::AsRawFd as _;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Condvar, Mutex};
 
 use super::*;
-use crate::shell::disk::{FileSystem, NativeFileSystem};
+use crate::shell::disk::{FileSystem, NativeFileSystem, OpenError};
 
 fn disk(folder: &Path) -> QueuedDisk {
     let disk = FileDisk::open(folder).expect("a store");
@@ -199,8 +199,21 @@ impl FileSystem for Forgetful {
 }
 
 fn on(folder: &Path, system: &Forgetful) -> QueuedDisk {
-    let disk = FileDisk::open_on(folder, Box::new(system.clone())).expect("a store");
+    let disk = free(folder, || Box::new(system.clone()));
     QueuedDisk::new(disk, Arc::new(Notify::new())).expect("a thread")
+}
+
+/// The store, once no thread of a disk that was dropped is at a change any more.
+fn free(folder: &Path, system: impl Fn() -> Box<dyn FileSystem>) -> FileDisk {
+    let end = Instant::now() + Duration::from_secs(20);
+    loop {
+        match FileDisk::open_on(folder, system()) {
+            Err(OpenError::Locked { .. }) if Instant::now() < end => {
+                std::thread::sleep(LOOK_AGAIN);
+            }
+            opened => return opened.expect("a store"),
+        }
+    }
 }
 
 fn line(name: &'static str, text: &'static str) -> impl FnOnce(&mut QueuedDisk) {
@@ -520,6 +533,89 @@ fn a_full_disk_refuses_every_change_but_those_that_no_link_works_without() {
     let left = names(&folder.path().join("state")).unwrap();
     let left: Vec<OsString> = left.into_keys().collect();
     assert_eq!(left, [CLOCK, LINK, "lock"]);
+}
+
+/// A disk on which so many more synchronisations end; `None`: each of them.
+#[derive(Debug, Clone, Default)]
+struct Hanging(Arc<(Mutex<Option<usize>>, Condvar)>);
+
+impl Hanging {
+    fn leave(&self, turns: Option<usize>) {
+        *self.0.0.lock().unwrap() = turns;
+        self.0.1.notify_all();
+    }
+}
+
+impl FileSystem for Hanging {
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        NativeFileSystem.write(path, bytes)
+    }
+
+    fn sync(&self, _: &Path) -> io::Result<()> {
+        let (turns, left) = &*self.0;
+        let turns = turns.lock().unwrap();
+        let mut turns = left.wait_while(turns, |turns| *turns == Some(0)).unwrap();
+        *turns = turns.map(|turns| turns - 1);
+        Ok(())
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        NativeFileSystem.rename(from, to)
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        NativeFileSystem.remove(path)
+    }
+
+    fn read(&self, path: &Path, most: u64) -> io::Result<Option<Zeroizing<Vec<u8>>>> {
+        NativeFileSystem.read(path, most)
+    }
+}
+
+#[test]
+fn a_thread_that_hangs_creates_nothing_in_a_store_that_is_given_up() {
+    const LINKS: [&str; 2] = ["clock-0102030405060708", "encrypted-1b000101"];
+    let (folder, system) = (tempfile::tempdir().unwrap(), Hanging::default());
+    let store = folder.path().join("state");
+    let disk = free(&store, || Box::new(system.clone()));
+    let mut disk = QueuedDisk::new(disk, Arc::new(Notify::new())).expect("a thread");
+    for link in LINKS {
+        assert_eq!(outcome(&mut disk, save(link)), Progress::Durable);
+    }
+    // Both gather behind the first one, and are written together: one after the other.
+    system.leave(Some(0));
+    let after = disk.queued();
+    save(LINKS[0])(&mut disk);
+    let until = disk.queued();
+    for link in LINKS {
+        save(link)(&mut disk);
+    }
+    // The first one's file, and the folder.
+    system.leave(Some(2));
+    assert_eq!(wait(&mut disk, Changes { after, until }), Progress::Durable);
+    let until_shown = |is_shown: &dyn Fn() -> bool| {
+        let end = Instant::now() + Duration::from_secs(20);
+        while !is_shown() && Instant::now() < end {
+            std::thread::sleep(LOOK_AGAIN);
+        }
+        assert!(is_shown());
+    };
+    let beside = store.join(format!("{}{BESIDE}{}", LINKS[0], until + 1));
+    until_shown(&|| beside.exists());
+
+    // It hangs there, and is not waited for: the store is erased.
+    drop(disk);
+    let erases = free(&store, || Box::new(NativeFileSystem));
+    for name in names(&store).unwrap().into_keys() {
+        if name != "lock" {
+            std::fs::remove_file(store.join(name)).unwrap();
+        }
+    }
+    system.leave(None);
+    until_shown(&|| Arc::strong_count(&system.0) == 1);
+    let left: Vec<OsString> = names(&store).unwrap().into_keys().collect();
+    assert_eq!(left, ["lock"]);
+    drop(erases);
 }
 
 #[test]
