@@ -69,6 +69,8 @@ pub(crate) struct World {
     pub(crate) plan: Plan,
     /// The mission that the vehicle carries.
     pub(crate) uploaded: Option<UploadedMission>,
+    /// It finds that infeasible.
+    pub(crate) infeasible: bool,
     pub(crate) transfer: Transfer,
     pub(crate) areas: Areas,
     pub(crate) termination: TerminationView,
@@ -145,6 +147,7 @@ impl World {
             maneuver: false,
             plan: Plan::default(),
             uploaded: None,
+            infeasible: false,
             transfer: Transfer::None,
             areas: Areas::default(),
             termination: TerminationView::default(),
@@ -288,7 +291,7 @@ impl World {
             fence_busy: false,
             areas: &self.areas,
             fence: (&[], &self.areas),
-            infeasible: false,
+            infeasible: self.infeasible,
             may_change: match self.transfer {
                 Transfer::None => Ok(()),
                 Transfer::Running { .. } => Err("a transfer is running"),

@@ -19,8 +19,8 @@ pub(crate) use self::route::restarts_route;
 use self::route::{fly, is_current};
 use super::settings::Pattern;
 use super::situation::{
-    NEAR_M, Situation, Task, altitude, check_heights, checked_level, does_not_follow_ground, has,
-    holds, level, mode_of, names_mode, plain, speed,
+    NEAR_M, Situation, Task, altitude, check_feasible, check_heights, checked_level,
+    does_not_follow_ground, has, holds, level, mode_of, names_mode, plain, speed,
 };
 use super::steering::{self, Vertical};
 use super::wings;
@@ -221,9 +221,7 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
                     && holds(at.telemetry, uploaded) == Some(true)
                     && is_current(uploaded, RouteType::Launch, at) =>
             {
-                if let Some(why) = &at.infeasible {
-                    return Err(format!("mode 21 (launch): {why}"));
-                }
+                check_feasible(Mode::Launch, at)?;
                 check_heights(uploaded, at)?;
                 steps.push(Step::SetCurrent(0..=uploaded.compiled.place_from(0)));
                 steps.extend(maneuver::enter(&[Px4Mode::MISSION]));
@@ -458,23 +456,44 @@ mod tests {
 
     #[test]
     fn a_route_aboard_that_the_vehicle_finds_infeasible_is_not_begun() {
-        let (uploaded, command) = aboard_and_waypoint(CompiledMission::default());
         let telemetry = Telemetry {
             home: Some(Place {
                 latitude: 47.0,
                 longitude: 8.0,
                 amsl_m: 488.0,
             }),
+            landed: Some(LandedState::InAir),
             ..Telemetry::default()
         };
-        let judged = |infeasible| {
-            let given = (&Plan::default(), infeasible, None);
-            let limits = Limits::default();
-            task_with(given, &command, &telemetry, Some(&uploaded), limits).map(drop)
-        };
-        assert_eq!(judged(None), Ok(()));
-        let why = judged(Some("infeasible: load another")).expect_err("PX4 flies nothing of it");
-        assert_eq!(why, "mode 11 (waypoint): infeasible: load another");
+        for (mode, route_type) in [
+            (Mode::Waypoint, RouteType::Flight),
+            (Mode::AutolandEngage, RouteType::Approach),
+            (Mode::ContingencyA, RouteType::ContingencyA),
+            (Mode::ContingencyB, RouteType::ContingencyB),
+        ] {
+            let (mut uploaded, mut command) = aboard_and_waypoint(CompiledMission::default());
+            command.select_flight_path_control_mode = Some(mode);
+            uploaded.route_type = route_type;
+            let mut plan = Plan::default();
+            let route = UaRoute {
+                initial_waypoint_number: Some(1),
+                route_type: Some(route_type),
+                ..UaRoute::default()
+            };
+            assert_eq!(plan.store(&route.into(), Id(1), Id(2)), Ok(()));
+            let sent = plan.route_of_type(route_type).expect("it was stored");
+            uploaded.plan = plan.part(sent);
+            let judged = |infeasible| {
+                let given = (&plan, infeasible, None);
+                let limits = Limits::default();
+                task_with(given, &command, &telemetry, Some(&uploaded), limits)
+            };
+            let task = judged(None).expect("it is flown");
+            assert!(task.flies_a_route(None), "{task:?}");
+            let why = judged(Some("infeasible: load another")).map(drop);
+            let expected = format!("mode {}: infeasible: load another", mode.in_words());
+            assert_eq!(why, Err(expected), "PX4 flies nothing of it");
+        }
     }
 
     #[test]

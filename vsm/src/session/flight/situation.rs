@@ -289,6 +289,16 @@ pub(super) fn plain(modes: &'static [Px4Mode], at: &Situation<'_>) -> Task {
     Task::Steps(maneuver::enter(modes).into(), commanded)
 }
 
+/// Checks that the vehicle does not find the route aboard infeasible, which this mode would fly. PX4 refuses AUTO.MISSION in the air
+/// without this reason; on the ground it enters it, and a launch would fly no route. What the VSM commands by itself is followed by
+/// another action, as where PX4 refuses it.
+pub(super) fn check_feasible(mode: Mode, at: &Situation<'_>) -> Result<(), String> {
+    match &at.infeasible {
+        Some(why) => Err(format!("mode {}: {why}", mode.in_words())),
+        None => Ok(()),
+    }
+}
+
 /// Checks whether a route aboard is still above home: it was compiled for the home position at its load.
 pub(super) fn check_heights(uploaded: &UploadedMission, at: &Situation<'_>) -> Result<(), String> {
     let home = at.telemetry.home.ok_or("home is not known yet")?;

@@ -5,9 +5,10 @@ use mapping::route::CompiledMission;
 use mapping::telemetry::{LandedState, MissionProgress, Place};
 use mavlink_link::dialect::{MavCmd, MavResult, MavState, MavType, MissionState};
 use mavlink_link::service::mission::Item;
-use stanag_msgs::TimeStamp;
 use stanag_msgs::enums::HeadingCommandType;
+use stanag_msgs::messages::UaRoute;
 use stanag_msgs::scalar::{Bam16, Scaled};
+use stanag_msgs::{Id, TimeStamp};
 
 use super::*;
 use crate::config::OnLoss;
@@ -994,6 +995,32 @@ pub(super) fn watch(world: &mut World, flight: &mut Flight, seconds: u64) -> Vec
         handle(world, flight, Input::Advance);
     }
     world.commanded_modes()
+}
+
+/// Nobody waits for a reason: where the route of the loss action cannot be flown, the vehicle returns.
+#[test]
+fn a_loss_action_returns_where_the_vehicle_finds_its_route_infeasible() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    let route = UaRoute {
+        initial_waypoint_number: Some(1),
+        route_type: Some(RouteType::ContingencyA),
+        ..UaRoute::default()
+    };
+    let stored = world.plan.store(&route.into(), Id(1), Id(2));
+    assert_eq!(stored, Ok(()));
+    let sent = world.plan.route_of_type(RouteType::ContingencyA);
+    world.uploaded = Some(UploadedMission {
+        compiled: CompiledMission::default(),
+        mission_id: 0,
+        route_type: RouteType::ContingencyA,
+        mission_name: String::new(),
+        plan: world.plan.part(sent.expect("it was stored")),
+    });
+    world.infeasible = true;
+    world.settings.authority.on_loss = OnLoss::Contingency;
+    world.controller = None;
+    handle(&mut world, &mut flight, Input::ControllerLost);
+    assert_eq!(watch(&mut world, &mut flight, 5), [Px4Mode::RTL]);
 }
 
 #[test]

@@ -20,13 +20,16 @@ use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::route::Wings;
 use mapping::telemetry::Telemetry;
-use stanag_msgs::enums::{AltitudeCommandType, HeadingCommandType, RouteType};
+use stanag_msgs::enums::{
+    AltitudeCommandType, FlightPathControlMode as Mode, HeadingCommandType, RouteType,
+};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::settings::Pattern;
 use super::situation::{
-    NEAR_M, Situation, Task, altitude, check_heights, checked_level, does_not_follow_ground,
-    flown_as, has, holds, mission_not_reported, names_mode, place, plain, speed,
+    NEAR_M, Situation, Task, altitude, check_feasible, check_heights, checked_level,
+    does_not_follow_ground, flown_as, has, holds, mission_not_reported, names_mode, place, plain,
+    speed,
 };
 use super::steering::{self, Direction};
 use crate::session::context::{MissionView, may_be_on_final};
@@ -148,6 +151,7 @@ pub(super) fn land(at: &Situation<'_>) -> Result<Option<Task>, String> {
     match pattern.filter(|(uploaded, _)| holds(at.telemetry, uploaded) == Some(true)) {
         Some((uploaded, start)) => {
             let compiled = &uploaded.compiled;
+            check_feasible(Mode::AutolandEngage, at)?;
             check_heights(uploaded, at)?;
             let mut steps = vec![Step::SetCurrent(start..=compiled.place_from(start))];
             steps.extend(maneuver::enter(&[Px4Mode::MISSION]));

@@ -5,12 +5,12 @@ use mapping::airframe::Airframe;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::route::check_way;
-use stanag_msgs::enums::RouteType;
+use stanag_msgs::enums::{FlightPathControlMode as Mode, RouteType};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use crate::session::flight::situation::{
-    NEAR_M, Situation, Task, check_heights, flown_as, holds, mission_not_reported, names_mode,
-    speed, steps_to_waypoint,
+    NEAR_M, Situation, Task, check_feasible, check_heights, flown_as, holds, mission_not_reported,
+    mode_of, names_mode, speed, steps_to_waypoint,
 };
 use crate::session::flight::wings;
 use crate::session::maneuver::{self, Step};
@@ -67,13 +67,8 @@ pub(super) fn fly(
             };
         }
     };
-    // PX4 refuses AUTO.MISSION in the air without this reason. On the ground it enters it, and a launch would fly no route. A
-    // contingency route is left to PX4, whose refusals lead the VSM to another action.
-    if route == RouteType::Flight
-        && let Some(why) = &at.infeasible
-    {
-        return Err(format!("mode 11 (waypoint): {why}"));
-    }
+    let mode = mode_of(command, at.telemetry).unwrap_or(Mode::Waypoint);
+    check_feasible(mode, at)?;
     check_heights(uploaded, at)?;
     let mut steps = Vec::new();
     let enters = at.settled_mode() != Some(Px4Mode::MISSION);
