@@ -105,10 +105,42 @@ impl AttitudeTrack {
         }
         nearest.attitude.turned(f64::from(gap_ms) / 1e3)
     }
+
+    /// The same for what is derived from both: where the nearest is too far from the position, the latest, if the vehicle has hardly
+    /// turned in between.
+    pub(crate) fn with_position(&self) -> Option<Attitude> {
+        self.at_position().or_else(|| {
+            let (position_ms, latest) = (self.position_ms?, self.latest?);
+            let gap_ms = span_ms(latest.boot_ms, position_ms).unsigned_abs();
+            let Attitude {
+                roll_rate,
+                pitch_rate,
+                yaw_rate,
+                ..
+            } = latest.attitude;
+            let rate = roll_rate.hypot(pitch_rate).hypot(yaw_rate);
+            let still = rate * f64::from(gap_ms) / 1e3 <= STILL_RAD;
+            (gap_ms <= MAX_BEHIND_MS && still).then_some(latest.attitude)
+        })
+    }
+
+    /// When the latest position was measured.
+    pub(crate) fn position_ms(&self) -> Option<u32> {
+        self.position_ms
+    }
+
+    /// The vehicle's time, as the later of the two has shown it.
+    pub(crate) fn boot_ms(&self) -> Option<u32> {
+        let attitude_ms = self.latest.map(|latest| latest.boot_ms);
+        match (self.position_ms, attitude_ms) {
+            (Some(position), Some(attitude)) if span_ms(position, attitude) > 0 => Some(attitude),
+            (position, attitude) => position.or(attitude),
+        }
+    }
 }
 
 /// The time between two stamps, ms. time_boot_ms rolls over after 49.7 days.
-fn span_ms(from: u32, to: u32) -> i32 {
+pub(crate) fn span_ms(from: u32, to: u32) -> i32 {
     to.wrapping_sub(from) as i32
 }
 
@@ -117,6 +149,8 @@ fn span_ms(from: u32, to: u32) -> i32 {
 const MAX_GAP_MS: u32 = 250;
 /// How far the latest position may be behind the latest attitude: some reports of it are lost on a bad link.
 const MAX_BEHIND_MS: u32 = 1_000;
+/// A turn up to this leaves a line of sight what it was: 3 degrees, the accuracy of a gimbal's drive.
+pub(crate) const STILL_RAD: f64 = 0.0524;
 /// 80 degrees.
 const MAX_PITCH: f64 = 1.396;
 
@@ -226,5 +260,27 @@ mod tests {
         assert_near(track.at_position(), [0.0, 0.0, 0.0]);
         track.note_attitude(2_000, Some(turning(1.0)));
         assert_eq!(track.at_position(), None);
+    }
+
+    #[test]
+    fn an_attitude_of_another_moment_stands_for_that_of_the_position_only_where_nothing_turned() {
+        let mut track = AttitudeTrack::default();
+        let at = |boot_ms: u32, yaw_rate: f64, track: &mut AttitudeTrack| {
+            let turning = Attitude { yaw_rate, ..LEVEL };
+            track.note_attitude(boot_ms, Some(turning));
+            track.with_position().is_some()
+        };
+        assert!(!at(4_700, 0.0, &mut track), "no position");
+        assert_eq!(track.boot_ms(), Some(4_700));
+        track.note_position(5_000);
+        assert_eq!(track.boot_ms(), Some(5_000));
+        // 6 degrees a second: 2.4 degrees in 0.4 s, 6 in 1 s.
+        assert!(at(5_400, 0.105, &mut track));
+        assert_eq!(track.boot_ms(), Some(5_400));
+        let mut track = AttitudeTrack::default();
+        track.note_position(5_000);
+        assert!(!at(6_000, 0.105, &mut track));
+        assert!(at(6_000, 0.01, &mut track));
+        assert!(!at(6_001, 0.0, &mut track));
     }
 }

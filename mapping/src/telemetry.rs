@@ -282,6 +282,25 @@ impl Telemetry {
         Some(then.unwrap_or(latest))
     }
 
+    /// The attitude for what is derived from it and from its place: as it was then. `None` where the vehicle may have turned between the two.
+    #[must_use]
+    pub fn attitude_with_place(&self) -> Option<Attitude> {
+        let both = self.attitude.and(self.located());
+        both.and(self.attitude_track.with_position())
+    }
+
+    /// When its position was measured: ms since its boot.
+    #[must_use]
+    pub fn position_ms(&self) -> Option<u32> {
+        self.attitude_track.position_ms()
+    }
+
+    /// Its time since boot, ms, as its latest position or attitude has shown it.
+    #[must_use]
+    pub fn boot_ms(&self) -> Option<u32> {
+        self.attitude_track.boot_ms()
+    }
+
     /// Whether it has reported that it is in the air.
     #[must_use]
     pub fn airborne(&self) -> bool {

@@ -3,6 +3,7 @@
 //! A DLI angle is relative to the vehicle: azimuth right of its x axis, elevation above its waterline (0302.10, 0302.12). A
 //! gimbal reports a quaternion that turns from north, from the vehicle's heading or from its body ([`Frame`]).
 
+use crate::attitude::{STILL_RAD, span_ms};
 use crate::limits::moved;
 use crate::telemetry::{Attitude, Place};
 
@@ -30,6 +31,23 @@ pub struct GimbalAttitude {
     pub neutral: bool,
     /// Rates about its y and z axis, rad/s, where it reports them.
     pub rates: Option<[f64; 2]>,
+    /// The vehicle's time since boot when it came, ms, as far as the vehicle had shown it. The gimbal's own clock may be another
+    /// one, which nothing compares with the vehicle's.
+    pub vehicle_ms: Option<u32>,
+}
+
+impl GimbalAttitude {
+    /// Whether it was so at this time of the vehicle since boot, ms: it came about then, and has hardly turned in between. One that reports
+    /// no rates counts as one that stands.
+    #[must_use]
+    pub fn is_of(&self, boot_ms: u32) -> bool {
+        let Some(vehicle_ms) = self.vehicle_ms else {
+            return false;
+        };
+        let gap_ms = span_ms(vehicle_ms, boot_ms).unsigned_abs();
+        let rate = self.rates.map_or(0.0, |[y, z]| y.hypot(z));
+        gap_ms <= MAX_GAP_MS && rate * f64::from(gap_ms) / 1e3 <= STILL_RAD
+    }
 }
 
 /// Where a sensor looks, relative to the vehicle's body, rad.
@@ -233,6 +251,8 @@ fn turn_back([x, y, z]: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> [f64; 3] {
     [x, cr * y + sr * z, -sr * y + cr * z]
 }
 
+/// The period of a gimbal that reports once a second, as PX4 has it on a radio, and a half.
+const MAX_GAP_MS: u32 = 1_500;
 /// Farthest footprint: Reported Range ends there (0302.21).
 pub const MAX_RANGE_M: f64 = 100_000.0;
 /// Farther the terrain is not searched: 600 steps of the finest grids.
@@ -277,6 +297,7 @@ mod tests {
             retracted: false,
             neutral: false,
             rates: None,
+            vehicle_ms: None,
         }
     }
 
@@ -299,6 +320,32 @@ mod tests {
                 "{frame:?} {elevation}"
             );
         }
+    }
+
+    #[test]
+    fn a_gimbal_stands_for_another_moment_only_where_it_has_hardly_turned() {
+        let of = |vehicle_ms, rates| {
+            let gimbal = GimbalAttitude {
+                vehicle_ms,
+                rates,
+                ..gimbal(Frame::Body, -40.0, 0.0)
+            };
+            gimbal.is_of(20_000)
+        };
+        assert!(!of(None, None), "the vehicle has shown no time");
+        for (vehicle_ms, still) in [
+            (18_499, false),
+            (18_500, true),
+            (21_500, true),
+            (21_501, false),
+        ] {
+            assert_eq!(of(Some(vehicle_ms), None), still, "{vehicle_ms}");
+            assert_eq!(of(Some(vehicle_ms), Some([0.0; 2])), still, "{vehicle_ms}");
+        }
+        // A turn of 0.25 rad/s is one of 3 degrees in 0.2 s.
+        assert!(of(Some(19_800), Some([0.15, -0.2])));
+        assert!(!of(Some(19_700), Some([0.15, -0.2])));
+        assert!(of(Some(20_000), Some([1.0, 1.0])));
     }
 
     #[test]

@@ -2,6 +2,11 @@
 //!
 //! What is not known is absent: a gimbal that has been silent for [`FRESH`] looks nowhere, and an image centre without the height
 //! of the ground under it has no place.
+//!
+//! An image centre is made of three messages of the vehicle: its position, its attitude and the gimbal's. It is that of the moment of the
+//! position, as the rest of 4000 is, so the vehicle's attitude is brought to that moment. How a gimbal turned in between is not known well
+//! enough to do the same with it: whether its rates are about its own axes or those of the horizon, devices do not agree. Where it
+//! may have turned, there is no image centre ([`Station::image_centre`]).
 
 use std::time::Duration;
 
@@ -15,7 +20,7 @@ use stanag_msgs::messages::{
 };
 use stanag_msgs::{Bam16, Bam32, Id, Scaled, Text, TimeStamp};
 
-use super::pointing::{self, Footprint, GimbalAttitude, LineOfSight};
+use super::pointing::{self, Footprint, Frame, GimbalAttitude, LineOfSight};
 use super::state::{Camera, Equipment, Gimbal, Payloads, StreamInformation};
 use crate::telemetry::{Place, Telemetry};
 
@@ -73,20 +78,39 @@ impl<'a> Station<'a> {
         self.fresh(self.gimbal?.attitude)
     }
 
+    /// How its gimbal stands now, where it looks anywhere: not while it is retracted.
+    fn looking(&self) -> Option<GimbalAttitude> {
+        self.attitude().filter(|gimbal| !gimbal.retracted)
+    }
+
     /// Along what it looks now; nowhere while it is retracted, or before the vehicle's own attitude is known.
     #[must_use]
     pub fn sight(&self, telemetry: &Telemetry) -> Option<LineOfSight> {
-        let gimbal = self.attitude().filter(|gimbal| !gimbal.retracted)?;
-        Some(pointing::line_of_sight(
-            &gimbal,
-            telemetry.attitude.as_ref()?,
-        ))
+        let vehicle = telemetry.attitude.as_ref()?;
+        Some(pointing::line_of_sight(&self.looking()?, vehicle))
     }
 
-    /// What it looks at: the centre of its image on the ground.
+    /// What it looks at now, by the latest of each report: to steer by, while the gimbal turns too.
     #[must_use]
     pub fn footprint(&self, telemetry: &Telemetry, ground: &Ground<'_>) -> Option<Footprint> {
         ground.meets(telemetry.position?, self.sight(telemetry)?)
+    }
+
+    /// The centre of its image on the ground, as it was at the moment of the vehicle's position; `None` where gimbal or vehicle may have
+    /// turned between that and their reports.
+    #[must_use]
+    pub fn image_centre(&self, telemetry: &Telemetry, ground: &Ground<'_>) -> Option<Footprint> {
+        let place = telemetry.located()?;
+        let gimbal = self.looking()?;
+        if !gimbal.is_of(telemetry.position_ms()?) {
+            return None;
+        }
+        let vehicle = match gimbal.frame {
+            // Its direction is its own, however the vehicle turns.
+            Frame::North => telemetry.attitude_at_place()?,
+            Frame::Heading | Frame::Body => telemetry.attitude_with_place()?,
+        };
+        ground.meets(place, pointing::line_of_sight(&gimbal, &vehicle))
     }
 
     fn is_recording(&self) -> Option<bool> {
@@ -219,20 +243,23 @@ pub fn sensor(station: &Station<'_>, vsm: Id, stamp: TimeStamp) -> EoIrConfigura
     }
 }
 
-/// 21101: what a station does, and where it really looks. `mode`: the pointing mode that it was commanded to and has shown.
+/// 21101: what a station does, and where it really looks. `footprint`: its [image centre](Station::image_centre); the stamp is that of the
+/// position then, and the direction of that moment too. `mode`: the pointing mode that it was commanded to and has shown.
 #[must_use]
 pub fn operating(
     station: &Station<'_>,
     telemetry: &Telemetry,
-    ground: Option<&Ground<'_>>,
+    footprint: Option<Footprint>,
     mode: EoirPointingMode,
     stamp: TimeStamp,
 ) -> EoIrLaserOperatingState {
-    let sight = station.sight(telemetry);
-    let direction = sight
-        .zip(telemetry.attitude)
-        .map(|(sight, attitude)| pointing::direction(sight, &attitude));
-    let footprint = ground.and_then(|ground| station.footprint(telemetry, ground));
+    let attitude = match footprint {
+        Some(_) => telemetry.attitude_at_place(),
+        None => telemetry.attitude,
+    };
+    let direction = station.looking().zip(attitude).map(|(gimbal, vehicle)| {
+        pointing::direction(pointing::line_of_sight(&gimbal, &vehicle), &vehicle)
+    });
     // Altitude is that of 4000, above the ellipsoid: without the geoid separation the three are no place.
     let image = footprint.zip(telemetry.geoid_m);
     let camera = station.camera;
@@ -287,12 +314,11 @@ const WHOLE: f64 = std::f64::consts::PI - 1e-4;
 #[cfg(test)]
 mod tests {
     use mavlink_link::dialect::{
-        CAMERA_CAPTURE_STATUS_DATA, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GimbalDeviceFlags,
-        MavMessage,
+        ATTITUDE_DATA, CAMERA_CAPTURE_STATUS_DATA, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA,
+        GLOBAL_POSITION_INT_DATA, GimbalDeviceFlags, MavMessage,
     };
 
     use super::*;
-    use crate::telemetry::Attitude;
 
     const NOW: Duration = Duration::from_secs(100);
     const ALL: Equipment = Equipment {
@@ -301,37 +327,60 @@ mod tests {
         camera: Some(100),
     };
 
-    fn telemetry() -> Telemetry {
-        Telemetry {
-            attitude: Some(Attitude {
-                roll: 0.0,
-                pitch: 0.0,
-                yaw: 0.0,
-                roll_rate: 0.0,
-                pitch_rate: 0.0,
-                yaw_rate: 0.0,
-            }),
-            position: Some(Place {
-                latitude: 47.4,
-                longitude: 8.5,
-                amsl_m: 588.0,
-            }),
+    /// When the vehicle was where it is, by its own clock.
+    const THERE_MS: u32 = 20_000;
+
+    /// Of a vehicle that has reported its position alone.
+    fn placed() -> Telemetry {
+        let mut telemetry = Telemetry {
             geoid_m: Some(47.4),
             ..Telemetry::default()
-        }
+        };
+        let position = GLOBAL_POSITION_INT_DATA {
+            time_boot_ms: THERE_MS,
+            lat: 474_000_000,
+            lon: 85_000_000,
+            alt: 588_000,
+            ..GLOBAL_POSITION_INT_DATA::default()
+        };
+        telemetry.update(&MavMessage::GLOBAL_POSITION_INT(position));
+        telemetry
     }
 
-    fn looking_down(flags: GimbalDeviceFlags) -> Payloads {
+    fn telemetry() -> Telemetry {
+        let mut telemetry = placed();
+        turned(&mut telemetry, THERE_MS, 0.0, 0.0);
+        telemetry
+    }
+
+    /// ATTITUDE of this moment: heading and rate, rad and rad/s.
+    fn turned(telemetry: &mut Telemetry, time_boot_ms: u32, yaw: f64, rate: f64) {
+        let attitude = ATTITUDE_DATA {
+            time_boot_ms,
+            yaw: yaw as f32,
+            yawspeed: rate as f32,
+            ..ATTITUDE_DATA::default()
+        };
+        telemetry.update(&MavMessage::ATTITUDE(attitude));
+    }
+
+    /// A gimbal that looks down by this angle, rad, and turns at this rate; its report came at this time of the vehicle.
+    fn looking(down: f64, rate: f64, flags: GimbalDeviceFlags, vehicle_ms: u32) -> Payloads {
         let mut payloads = Payloads::default();
-        let half = std::f64::consts::FRAC_PI_4;
+        let half = down / 2.0;
         let message =
             MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(GIMBAL_DEVICE_ATTITUDE_STATUS_DATA {
                 q: [half.cos() as f32, 0.0, -half.sin() as f32, 0.0],
+                angular_velocity_z: rate as f32,
                 flags,
                 ..GIMBAL_DEVICE_ATTITUDE_STATUS_DATA::default()
             });
-        payloads.update(NOW, 154, &message);
+        payloads.update(NOW, Some(vehicle_ms), 154, &message);
         payloads
+    }
+
+    fn looking_down(flags: GimbalDeviceFlags) -> Payloads {
+        looking(std::f64::consts::FRAC_PI_2, 0.0, flags, THERE_MS)
     }
 
     fn state(
@@ -339,9 +388,10 @@ mod tests {
         now: Duration,
         ground: Option<&Ground<'_>>,
     ) -> EoIrLaserOperatingState {
-        let station = Station::of(ALL, payloads, now);
+        let (station, telemetry) = (Station::of(ALL, payloads, now), telemetry());
         let mode = EoirPointingMode::AngleToUa;
-        operating(&station, &telemetry(), ground, mode, TimeStamp(1))
+        let image = ground.and_then(|ground| station.image_centre(&telemetry, ground));
+        operating(&station, &telemetry, image, mode, TimeStamp(1))
     }
 
     #[test]
@@ -382,6 +432,66 @@ mod tests {
         assert_eq!(stowed.actual_centreline_elevation_angle, None);
     }
 
+    /// Metres north and east of the vehicle to what a camera that looks 45 degrees down sees from 100 m; `None` where that is not known.
+    fn centre(payloads: &Payloads, telemetry: &Telemetry) -> Option<[f64; 2]> {
+        let station = Station::of(ALL, payloads, NOW);
+        let seen = station.image_centre(telemetry, &Ground::Flat(488.0))?;
+        let from = telemetry.position.expect("known");
+        let (north, east) = pointing::offset_m(from, seen.place);
+        Some([north, east].map(f64::round))
+    }
+
+    #[test]
+    fn an_image_centre_is_that_of_the_moment_of_the_position() {
+        let body = GimbalDeviceFlags::empty();
+        let down = std::f64::consts::FRAC_PI_4;
+        let payloads = looking(down, 0.0, body, THERE_MS);
+        // In a turn of 1.5 rad/s through north, reported 0.1 s later.
+        let mut telemetry = placed();
+        turned(&mut telemetry, THERE_MS + 100, 0.15, 1.5);
+        turned(&mut telemetry, THERE_MS + 300, 0.45, 1.5);
+        assert_eq!(centre(&payloads, &telemetry), Some([100.0, 0.0]));
+        // The direction from the vehicle's axes is not turned by that.
+        let station = Station::of(ALL, &payloads, NOW);
+        let image = station.image_centre(&telemetry, &Ground::Flat(488.0));
+        let mode = EoirPointingMode::AngleToUa;
+        let shown = operating(&station, &telemetry, image, mode, TimeStamp(1));
+        let azimuth = shown.actual_centreline_azimuth_angle.expect("known");
+        assert!(azimuth.degrees().abs() < 0.1, "{azimuth:?}");
+    }
+
+    #[test]
+    fn an_image_centre_whose_parts_are_of_different_moments_is_absent() {
+        let body = GimbalDeviceFlags::empty();
+        let north = GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME;
+        let down = std::f64::consts::FRAC_PI_4;
+        let seen = |flags, gimbal_rate, gimbal_ms, telemetry: &Telemetry| {
+            centre(&looking(down, gimbal_rate, flags, gimbal_ms), telemetry)
+        };
+        let ahead = Some([100.0, 0.0]);
+        let there = telemetry();
+        // A gimbal that stands is reported once a second; one that turns by 30 degrees a second was elsewhere.
+        assert_eq!(seen(body, 0.0, THERE_MS - 1_200, &there), ahead);
+        assert_eq!(seen(body, 0.5, THERE_MS - 1_200, &there), None);
+        assert_eq!(seen(body, 0.5, THERE_MS + 200, &there), None);
+        assert_eq!(seen(body, 0.5, THERE_MS + 100, &there), ahead);
+        assert_eq!(seen(body, 0.0, THERE_MS - 3_000, &there), None);
+        // The attitude is of 0.9 s and of 3 s later. A camera that turns with the vehicle may have turned.
+        for (late_ms, rate, of_body) in [(900, 0.01, ahead), (900, 0.5, None), (3_000, 0.0, None)] {
+            let mut later = placed();
+            turned(&mut later, THERE_MS + late_ms, 0.0, rate);
+            let found = seen(body, 0.0, THERE_MS + 900, &later);
+            assert_eq!(found, of_body, "{late_ms} ms, {rate} rad/s");
+            assert_eq!(seen(north, 0.0, THERE_MS + 900, &later), ahead);
+        }
+        // A position without a fix of the receiver is none, as in 4000.
+        let without = Telemetry {
+            gps_fix: Some(false),
+            ..telemetry()
+        };
+        assert_eq!(seen(body, 0.0, THERE_MS, &without), None);
+    }
+
     #[test]
     fn a_camera_that_records_is_active_and_recording() {
         let mut payloads = looking_down(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_PITCH_LOCK);
@@ -389,7 +499,7 @@ mod tests {
             video_status: 1,
             ..CAMERA_CAPTURE_STATUS_DATA::default()
         });
-        payloads.update(NOW, 100, &capture);
+        payloads.update(NOW, None, 100, &capture);
         let shown = state(&payloads, NOW, None);
         assert_eq!(shown.system_operating_mode_state, Some(RECORDING));
     }

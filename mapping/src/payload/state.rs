@@ -175,8 +175,14 @@ impl Equipment {
 }
 
 impl Payloads {
-    /// Takes a message of a component of the vehicle's system.
-    pub fn update(&mut self, now: Duration, component: u8, message: &MavMessage) {
+    /// Takes a message of a component of the vehicle's system. `vehicle_ms`: the vehicle's time since boot, as far as it has shown it.
+    pub fn update(
+        &mut self,
+        now: Duration,
+        vehicle_ms: Option<u32>,
+        component: u8,
+        message: &MavMessage,
+    ) {
         match message {
             MavMessage::GIMBAL_MANAGER_INFORMATION(m) if m.gimbal_device_id != 0 => {
                 if let Some(gimbal) = self.gimbal_mut(m.gimbal_device_id) {
@@ -225,6 +231,7 @@ impl Payloads {
                         retracted: flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_RETRACT),
                         neutral: flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_NEUTRAL),
                         rates: rates.iter().all(|rate| rate.is_finite()).then_some(rates),
+                        vehicle_ms,
                     };
                     gimbal.attitude = Some((now, attitude));
                 }
@@ -469,10 +476,10 @@ mod tests {
             (171, device()),
         ];
         for (id, message) in &reports {
-            forwards.update(NOW, *id, message);
+            forwards.update(NOW, None, *id, message);
         }
         for (id, message) in reports.iter().rev() {
-            backwards.update(NOW, *id, message);
+            backwards.update(NOW, None, *id, message);
         }
         let expected = [(1, Some(154), Some(100)), (2, Some(171), Some(101))];
         for payloads in [forwards, backwards] {
@@ -488,9 +495,14 @@ mod tests {
     #[test]
     fn a_vehicle_without_payload_has_no_station_and_one_that_is_configured_has_just_those() {
         let mut payloads = Payloads::default();
-        payloads.update(NOW, 1, &MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()));
+        payloads.update(
+            NOW,
+            None,
+            1,
+            &MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()),
+        );
         assert!(payloads.stations(&[]).is_empty());
-        payloads.update(NOW, 154, &device());
+        payloads.update(NOW, None, 154, &device());
         let configured = Equipment {
             number: 7,
             gimbal: Some(154),
@@ -508,7 +520,7 @@ mod tests {
             primary_control_compid: 190,
             ..GIMBAL_MANAGER_STATUS_DATA::default()
         });
-        payloads.update(NOW, 1, &status);
+        payloads.update(NOW, None, 1, &status);
         let gimbal = payloads.gimbal(Some(1)).expect("a gimbal");
         assert_eq!(gimbal.control, Some((NOW, [245, 190])));
         assert_eq!(payloads.stations(&[])[0].number, 1);

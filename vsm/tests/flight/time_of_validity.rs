@@ -11,10 +11,15 @@ use kit::clock::START;
 use kit::network::Faults;
 use mavlink_link::dialect::{MavMessage, TIMESYNC_DATA};
 use mavlink_link::frame::{self, Header, MAX_FRAME};
-use px4_sim::{ClockFault, HealthFaults};
-use stanag_msgs::enums::{FlightPathControlMode, HeadingCommandType};
-use stanag_msgs::messages::{Heartbeat, VehicleOperatingModeCommand};
-use stanag_msgs::{Message, Scaled, TimeStamp};
+use px4_sim::{ClockFault, Config, HealthFaults};
+use stanag_msgs::enums::{
+    EoirPointingMode, FlightPathControlMode, HeadingCommandType, LoiBitmap, StationBitmap1To16,
+};
+use stanag_msgs::messages::{
+    CucsAuthorisationRequest, EoIrLaserPayloadCommand, GenericInformationRequestMessage, Heartbeat,
+    PayloadSteeringCommand, VehicleOperatingModeCommand,
+};
+use stanag_msgs::{Bam16, Message, Scaled, TimeStamp};
 
 /// In the air, flying north at its own speed, on a link with these faults.
 fn flying(mav: Faults) -> Rig {
@@ -102,6 +107,7 @@ fn assert_stamps_rise(rig: &Rig) {
             Message::FromToNextWaypointStates(m) => m.time_stamp,
             Message::VehicleOperatingStates(m) => m.time_stamp,
             Message::VehicleOperatingModeReport(m) => m.time_stamp,
+            Message::EoIrLaserOperatingState(m) => m.time_stamp,
             _ => continue,
         };
         let stamp = stamp.expect("a stamp");
@@ -156,6 +162,85 @@ fn what_is_reported_of_one_measurement_has_one_stamp() {
         }
     }
     assert!(pairs >= 8, "{pairs}");
+}
+
+/// A camera that looks down from a vehicle on a slow link, and then to the sky: there the direction is all that is known.
+#[test]
+fn what_a_camera_sees_is_stamped_with_the_moment_of_the_position() {
+    let mut rig = Rig::ready_with(Setup {
+        mav: Faults::NONE.delayed_ms(120, 120),
+        vehicles: vec![Config {
+            payloads: 1,
+            ..Config::default()
+        }],
+        dli_keys: "provisional = \"all\"",
+        ..Setup::default()
+    });
+    let station = Some(StationBitmap1To16::STATION_1);
+    rig.done(CucsAuthorisationRequest {
+        requested_handover_loi: Some(LoiBitmap::from_raw(0x0e)),
+        controlled_station_1_16: station,
+        ..orders::request_control()
+    });
+    rig.take_off(30.0);
+    rig.done(EoIrLaserPayloadCommand {
+        station_number_1_16: station,
+        set_eo_ir_pointing_mode: Some(EoirPointingMode::AngleToUa),
+        ..EoIrLaserPayloadCommand::default()
+    });
+    let looks = |up_deg| PayloadSteeringCommand {
+        station_number_1_16: station,
+        set_centreline_azimuth_angle: Some(Bam16::from_degrees(20.0)),
+        set_centreline_elevation_angle: Some(Bam16::from_degrees(up_deg)),
+        ..PayloadSteeringCommand::default()
+    };
+    rig.done(looks(-40.0));
+    precise(&mut rig);
+    let first = rig.station().received.len();
+    rig.run(6.0);
+    // Its relative altitude is of the position as well.
+    rig.done(GenericInformationRequestMessage {
+        message_type: Some(3016),
+        ..GenericInformationRequestMessage::default()
+    });
+    rig.run(1.0);
+    let (mut positions, mut of_position): (Vec<TimeStamp>, Vec<TimeStamp>) = Default::default();
+    let last = rig.clock.elapsed() - Duration::from_millis(500);
+    for (index, (at, _, message)) in rig.station().received.iter().enumerate() {
+        match message {
+            Message::InertialStates(m) => positions.extend(m.time_stamp),
+            Message::EoIrLaserOperatingState(m) if index >= first && *at < last => {
+                assert_eq!(m.image_position, Some(1));
+                of_position.extend(m.time_stamp);
+            }
+            Message::RelativeRouteWaypointLocationReport(m) => of_position.extend(m.time_stamp),
+            _ => {}
+        }
+    }
+    assert!(of_position.len() > 10, "{} reports", of_position.len());
+    for stamp in of_position {
+        let apart_ms = positions.iter().map(|of| of.0.abs_diff(stamp.0)).min();
+        // A report of a position that was reported before is stamped a millisecond later.
+        assert!(
+            apart_ms.is_some_and(|apart| apart <= 2),
+            "{stamp:?}: {apart_ms:?}"
+        );
+    }
+
+    rig.done(looks(20.0));
+    let first = rig.station().received.len();
+    rig.run(3.0);
+    let mut directions = 0;
+    for (at, _, message) in &rig.station().received[first..] {
+        if let Message::EoIrLaserOperatingState(m) = message {
+            assert_eq!(m.image_position, Some(0));
+            let age_s = at.as_secs_f64() - seconds_of(m.time_stamp.expect("a stamp"));
+            assert!((0.11..0.4).contains(&age_s), "{age_s}");
+            directions += 1;
+        }
+    }
+    assert!(directions > 4, "{directions} reports");
+    assert_stamps_rise(&rig);
 }
 
 /// Degrees by which the heading of each 4000 differs from that of the vehicle at its stamp, by a track of (s, rad).

@@ -89,7 +89,7 @@ facts! {
         "Throttle Stick - Engine 1": "the last 2010";
     }
     3016 sends "by 17001, on 17002, once home is known; routes have no reference of their own" {
-        "Time Stamp": STAMP;
+        "Time Stamp": MEASURED;
         "Location Latitude (Y-axis zero)": "HOME_POSITION: what altitudes above ground are flown above";
         "Location Longitude (X-axis zero)": "HOME_POSITION";
         "Location Altitude Type": "3 once the geoid separation is known (GPS_RAW_INT), else 1";

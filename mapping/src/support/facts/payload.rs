@@ -1,6 +1,6 @@
 //! Payload stations: 19000 to 27999.
 
-use crate::support::row::{RECEIVED_STAMP, STAMP, facts};
+use crate::support::row::{MEASURED, RECEIVED_STAMP, STAMP, facts};
 
 facts! {
     19001 taken "dli.provisional = all: the gimbal or camera of a station does it, carried out once it shows that; needs LOI 3 of the station" {
@@ -49,16 +49,16 @@ facts! {
         "Field of Regard - Azimuth Max": "GIMBAL_MANAGER_INFORMATION.yaw_max";
     }
     21101 sends "at 2 Hz to who holds LOI 3 of a station, by 17001 and on 17002, one a station, unless dli.provisional is off" {
-        "Time Stamp": STAMP;
+        "Time Stamp": MEASURED;
         "Station Number 1-16": "the station";
         "Addressed Sensor": "VIDEO_STREAM_STATUS.flags: EO or IR";
         "System Operating Mode State": "0 stowed, 5 active, 10 active and recording: GIMBAL_DEVICE_ATTITUDE_STATUS.flags, CAMERA_CAPTURE_STATUS.video_status";
         "Image Output State": "VIDEO_STREAM_STATUS.flags: none, EO or IR";
-        "Actual Centreline Elevation Angle": "GIMBAL_DEVICE_ATTITUDE_STATUS.q and ATTITUDE";
+        "Actual Centreline Elevation Angle": "GIMBAL_DEVICE_ATTITUDE_STATUS.q and ATTITUDE, brought to the Time Stamp by its rates";
         "Actual Vertical Field of View": "CAMERA_FOV_STATUS.vfov";
-        "Actual Centreline Azimuth Angle": "GIMBAL_DEVICE_ATTITUDE_STATUS.q and ATTITUDE";
+        "Actual Centreline Azimuth Angle": "GIMBAL_DEVICE_ATTITUDE_STATUS.q and ATTITUDE, brought to the Time Stamp by its rates";
         "Actual Horizontal Field of View": "CAMERA_FOV_STATUS.hfov";
-        "Image Position": "1 where the next three are known";
+        "Image Position": "1 where the next three are known: of one moment, that of GLOBAL_POSITION_INT";
         "Latitude of image centre": "where the line of sight meets the ground: vehicle.terrain, else flat at home's height";
         "Longitude of image centre": "where the line of sight meets the ground: vehicle.terrain, else flat at home's height";
         "Altitude": "of that ground, above the ellipsoid; known with the geoid separation";

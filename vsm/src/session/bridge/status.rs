@@ -604,7 +604,7 @@ pub(crate) fn footprints(
     let seen = payloads.stations(configured).into_iter();
     let seen = seen.filter_map(|one| {
         let station = Station::of(one, payloads, now);
-        let at = station.footprint(telemetry, ground)?;
+        let at = station.image_centre(telemetry, ground)?;
         Some(FootprintStatus {
             station: one.number,
             centre: [at.place.latitude, at.place.longitude, at.place.amsl_m],

@@ -107,7 +107,8 @@ impl VehicleLink {
         // Texts are accepted from any component of the vehicle's system; state and answers only from its autopilot.
         self.texts.handle_message(now, node, message);
         if node.system == self.vehicle.system && is_of_payload(message) {
-            vehicle.payloads.update(now, node.component, message);
+            let vehicle_ms = vehicle.telemetry.boot_ms();
+            (vehicle.payloads).update(now, vehicle_ms, node.component, message);
             self.events.push_back(VehicleEvent::PayloadReported);
         }
         // A radio inserts this message into the stream itself, unsigned and with its own system id (a SiK radio: system 51,

@@ -151,12 +151,19 @@ impl Measured {
         let position = self.position.filter(|_| vehicle.gps_fix != Some(false));
         let place = || position.or(self.attitude).or(self.velocity);
         let at = match message {
-            INERTIAL_STATES | WAYPOINT_STATES | AIR_AND_GROUND => place(),
+            INERTIAL_STATES | WAYPOINT_STATES | AIR_AND_GROUND | RELATIVE_LOCATION => place(),
             BODY_SENSED => self.force.or(self.attitude),
             WEATHER => self.wind,
             _ => return None,
         };
         Some(at.unwrap_or(now))
+    }
+
+    /// The same of where a payload station looks (21101): of its image centre, which is the position's moment, or of its direction alone,
+    /// which is the attitude's.
+    pub(crate) fn of_sight(&self, now: Duration, image: bool) -> Duration {
+        let at = if image { self.position } else { self.attitude };
+        at.unwrap_or(now)
     }
 }
 
@@ -180,6 +187,7 @@ const OFTEN: Duration = Duration::from_secs(30);
 const STALE: Duration = Duration::from_secs(5);
 const AIR_AND_GROUND: u16 = 3009;
 const BODY_SENSED: u16 = 3010;
+const RELATIVE_LOCATION: u16 = 3016;
 const WEATHER: u16 = 18_300;
 const INERTIAL_STATES: u16 = 4000;
 const WAYPOINT_STATES: u16 = 4001;

@@ -84,7 +84,8 @@ impl Scene {
 
     fn report(&mut self, component: u8, message: MavMessage) {
         let now = self.world.now.mono;
-        self.world.vehicle.payloads.update(now, component, &message);
+        let payloads = &mut self.world.vehicle.payloads;
+        payloads.update(now, None, component, &message);
         self.handle(Input::Poll);
     }
 

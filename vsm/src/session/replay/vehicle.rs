@@ -91,7 +91,8 @@ impl Vehicle {
             }
         }
         if is_of_payload(&message) {
-            self.payloads.update(wall, node.component, &message);
+            let vehicle_ms = self.telemetry.boot_ms();
+            (self.payloads).update(wall, vehicle_ms, node.component, &message);
         }
         if node != autopilot {
             return;

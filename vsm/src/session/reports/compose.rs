@@ -183,14 +183,15 @@ fn details(
             let report = arriving.map(|(sticks, _)| sticks_status(sticks, effects.stamp()));
             report.into_iter().collect()
         }
-        21000 | 21100 | 21101 | 50025 => payload_reports(sources, report, effects),
+        21000 | 21100 | 21101 | 50025 => payload_reports(sources, station, report, effects),
         3016 => {
             let route = sources
                 .mission
                 .uploaded
                 .map(|one| one.mission_name.as_str());
             let agl = context.bounds.agl;
-            equipment::relative_location(vehicle, route, agl, effects.stamp())
+            let stamp = stamp(sources, station, report, effects);
+            equipment::relative_location(vehicle, route, agl, stamp)
                 .map(Message::from)
                 .into_iter()
                 .collect()
@@ -227,7 +228,12 @@ fn details(
 }
 
 /// 21000, 21100 or 21101 of every payload station, or 50025 of every video stream.
-fn payload_reports(sources: &Sources<'_>, message: u16, effects: &mut Effects<'_>) -> Vec<Message> {
+fn payload_reports(
+    sources: &Sources<'_>,
+    receiver: usize,
+    message: u16,
+    effects: &mut Effects<'_>,
+) -> Vec<Message> {
     let context = &sources.common;
     let (vehicle, live) = (context.vehicle, context.vehicle.live());
     let all = context.equipment();
@@ -235,9 +241,9 @@ fn payload_reports(sources: &Sources<'_>, message: u16, effects: &mut Effects<'_
     let mut reports = Vec::new();
     for equipment in all.iter().filter(|one| one.bit() != 0) {
         let station = Station::of(*equipment, &vehicle.payloads, context.mono());
-        let stamp = effects.stamp();
         match message {
             21000 => {
+                let stamp = effects.stamp();
                 let report = payload::configuration(&station, &all, context.vsm, stamp);
                 reports.push(report.into());
             }
@@ -249,11 +255,18 @@ fn payload_reports(sources: &Sources<'_>, message: u16, effects: &mut Effects<'_
                     reports.push(report.into());
                 }
             }
-            21100 => reports.push(payload::sensor(&station, context.vsm, stamp).into()),
+            21100 => {
+                let report = payload::sensor(&station, context.vsm, effects.stamp());
+                reports.push(report.into());
+            }
             _ if live => {
                 let mode = sources.payload.mode(equipment.number);
                 let telemetry = &vehicle.telemetry;
-                let report = payload::operating(&station, telemetry, ground.as_ref(), mode, stamp);
+                let ground = ground.as_ref();
+                let image = ground.and_then(|ground| station.image_centre(telemetry, ground));
+                let at = vehicle.measured.of_sight(context.mono(), image.is_some());
+                let stamp = effects.stamp_measured(receiver, message, Some(at));
+                let report = payload::operating(&station, telemetry, image, mode, stamp);
                 reports.push(report.into());
             }
             _ => {}
