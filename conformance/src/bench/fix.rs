@@ -28,6 +28,10 @@ pub struct Fix {
     pub down: f64,
     /// Radians from true north.
     pub heading: Option<f64>,
+    /// Radians, right wing down.
+    pub roll: Option<f64>,
+    /// Radians, nose up.
+    pub pitch: Option<f64>,
 }
 
 impl Fix {
@@ -44,6 +48,8 @@ impl Fix {
             east: seen.value("V_Speed").unwrap_or_default(),
             down: seen.value("W_Speed").unwrap_or_default(),
             heading: seen.value("Heading"),
+            roll: seen.value("Roll"),
+            pitch: seen.value("Pitch"),
         })
     }
 
@@ -68,6 +74,24 @@ impl Fix {
         north.hypot(east)
     }
 
+    /// The unit vector north, east and down along what looks by these angles from the vehicle's axes, in radians: right of
+    /// its nose, and above its waterline. None without a heading; a tilt that is not reported is none.
+    #[must_use]
+    pub fn sight(&self, azimuth: f64, elevation: f64) -> Option<[f64; 3]> {
+        let (sin_yaw, cos_yaw) = self.heading?.sin_cos();
+        let (sin_pitch, cos_pitch) = self.pitch.unwrap_or_default().sin_cos();
+        let (sin_roll, cos_roll) = self.roll.unwrap_or_default().sin_cos();
+        let along = elevation.cos();
+        let (x, y, z) = (
+            along * azimuth.cos(),
+            along * azimuth.sin(),
+            -elevation.sin(),
+        );
+        let (y, z) = (cos_roll * y - sin_roll * z, sin_roll * y + cos_roll * z);
+        let (x, z) = (cos_pitch * x + sin_pitch * z, cos_pitch * z - sin_pitch * x);
+        Some([cos_yaw * x - sin_yaw * y, sin_yaw * x + cos_yaw * y, z])
+    }
+
     /// Latitude and longitude, in radians, of the place this many metres north and east.
     #[must_use]
     pub fn offset(&self, north: f64, east: f64) -> (f64, f64) {
@@ -83,4 +107,38 @@ impl Fix {
 pub fn wrapped(angle: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     (angle + PI).rem_euclid(TAU) - PI
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::Draft;
+
+    /// Along what a camera at these angles looks from a vehicle with this roll, pitch and heading; all in degrees.
+    fn sight([azimuth, elevation]: [f64; 2], [roll, pitch, heading]: [f64; 3]) -> [i32; 3] {
+        let fix = Draft::new(4000)
+            .set("Latitude", 0.8)
+            .set("Longitude", 0.1)
+            .set("Altitude", 500.0)
+            .set("Roll", roll.to_radians())
+            .set("Pitch", pitch.to_radians())
+            .set("Heading", heading.to_radians());
+        let fix = Fix::of(&fix.seen()).unwrap();
+        let sight = fix.sight(azimuth.to_radians(), elevation.to_radians());
+        sight.unwrap().map(|part| (part * 100.0).round() as i32)
+    }
+
+    #[test]
+    fn a_line_of_sight_is_from_the_axes_of_a_vehicle_that_turns_and_tilts() {
+        let level = [0.0; 3];
+        assert_eq!(sight([0.0, 0.0], level), [100, 0, 0]);
+        assert_eq!(sight([90.0, -30.0], level), [0, 87, 50]);
+        assert_eq!(sight([-90.0, 0.0], [0.0, 0.0, 90.0]), [100, 0, 0]);
+        // The nose up: what looks ahead looks up, and what looks down looks ahead.
+        assert_eq!(sight([0.0, 0.0], [0.0, 30.0, 0.0]), [87, 0, -50]);
+        assert_eq!(sight([0.0, -90.0], [0.0, 30.0, 0.0]), [50, 0, 87]);
+        // The right wing down: what looks right looks down, and what looks down looks left.
+        assert_eq!(sight([90.0, 0.0], [30.0, 0.0, 0.0]), [0, 87, 50]);
+        assert_eq!(sight([0.0, -90.0], [30.0, 0.0, 90.0]), [50, 0, 87]);
+    }
 }

@@ -15,6 +15,7 @@ mod discovery;
 mod edition_25;
 mod flight;
 mod handover;
+mod image;
 mod link;
 mod load;
 mod maneuver;
@@ -60,6 +61,7 @@ pub fn scenes() -> Vec<&'static Scene> {
         alerts::SCENES,
         handover::SCENES,
         payload::SCENES,
+        image::SCENES,
         link::SCENES,
         curves::SCENES,
         load::SCENES,

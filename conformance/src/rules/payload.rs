@@ -1,11 +1,12 @@
 //! PAYL: payload stations, who may command which, and that pointing, lens and laser do what the message commands and
 //! nothing else.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::acknowledgement::carried_out;
 use super::scene::Scene;
-use crate::bench::flight::{EARTH_M, airborne, fix, home, wrapped};
+use crate::bench::flight::{Fix, fix, wrapped};
 use crate::bench::station::about;
 use crate::bench::station::{Access, Station, information_request, loi};
 use crate::bench::trial::Trial;
@@ -38,10 +39,6 @@ pub(super) const SCENES: &[Scene] = &[
         play: laser_fires_on_its_code_only,
     },
     Scene {
-        rule: "PAYL-007",
-        play: no_image_centre_above_the_horizon,
-    },
-    Scene {
         rule: "AUTH-007",
         play: vehicle_controller_may_take_a_station,
     },
@@ -59,16 +56,15 @@ fn bit(station: u8) -> i64 {
     1 << (station - 1)
 }
 
-fn stations(t: &Trial) -> Judged<Vec<u8>> {
+pub(super) fn stations(t: &Trial) -> Judged<Vec<u8>> {
     Ok(t.bench.surveyed()?.stations().into_iter().collect())
 }
 
-/// Where 21101 reports the sensor to point: azimuth in radians.
-fn pointing(a: &Station, station: u8) -> Judged<Option<f64>> {
-    let time = a.bench().timers.answer;
-    let report = a.ask(
+/// 21101 of this station, on request.
+pub(super) fn operating_state(a: &Station, station: u8) -> Judged<Arc<Seen>> {
+    a.ask(
         information_request(21101).raw("Station Number 1-16", bit(station)),
-        time,
+        a.bench().timers.answer,
         "the operating state of a payload",
         |seen| {
             seen.kind() == 21101
@@ -76,12 +72,16 @@ fn pointing(a: &Station, station: u8) -> Judged<Option<f64>> {
                     .raw("Station Number 1-16")
                     .is_none_or(|found| found == bit(station))
         },
-    )?;
-    Ok(report.value("Actual Centreline Azimuth Angle"))
+    )
+}
+
+/// Where 21101 reports the sensor to point: azimuth in radians.
+fn pointing(a: &Station, station: u8) -> Judged<Option<f64>> {
+    Ok(operating_state(a, station)?.value("Actual Centreline Azimuth Angle"))
 }
 
 /// 19001 to this azimuth in radians.
-fn steer(station: u8, azimuth: f64) -> Draft {
+pub(super) fn steer(station: u8, azimuth: f64) -> Draft {
     Draft::new(19001)
         .raw("Station Number 1-16", bit(station))
         .set("Set Centreline Azimuth Angle", azimuth)
@@ -89,7 +89,7 @@ fn steer(station: u8, azimuth: f64) -> Draft {
 }
 
 /// Pointing by angles relative to the aircraft, on, and active.
-fn by_angles(station: u8) -> Draft {
+pub(super) fn by_angles(station: u8) -> Draft {
     active(station, 1)
 }
 
@@ -102,9 +102,28 @@ fn active(station: u8, pointing: i64) -> Draft {
         .acked()
 }
 
-fn turns(t: &Trial, a: &Station, station: u8, azimuth: f64, time: Duration) -> Judged<bool> {
+/// Whether the sensor turns to this azimuth in radians, within some time.
+pub(super) fn turns(
+    t: &Trial,
+    a: &Station,
+    station: u8,
+    azimuth: f64,
+    time: Duration,
+) -> Judged<bool> {
+    turns_to(t, a, station, time, || Ok(azimuth))
+}
+
+/// The same of an azimuth that changes with the vehicle.
+fn turns_to(
+    t: &Trial,
+    a: &Station,
+    station: u8,
+    time: Duration,
+    target: impl Fn() -> Judged<f64>,
+) -> Judged<bool> {
     let deadline = t.bench.net.now() + time;
     loop {
+        let azimuth = target()?;
         if pointing(a, station)?.is_some_and(|found| wrapped(found - azimuth).abs() < 0.06) {
             return Ok(true);
         }
@@ -168,7 +187,7 @@ fn one_configuration_for_each_station(t: &Trial) -> Judged {
 }
 
 /// Takes a station; the bits of the stations that the grant names.
-fn take_station(t: &Trial, station: &Station, number: u8) -> Judged<i64> {
+pub(super) fn take_station(t: &Trial, station: &Station, number: u8) -> Judged<i64> {
     let answer = station.request_station(loi::LOI2 | loi::LOI3, Access::Request, bit(number))?;
     let granted = answer.raw("LOI Granted").unwrap_or_default();
     t.expect_of(&answer, granted & loi::LOI3 != 0, || {
@@ -293,13 +312,7 @@ fn only_the_addressed_station_moves(t: &Trial) -> Judged {
 /// A field of view commanded for the second station leaves that of the first unchanged.
 fn lens_of_the_other(t: &Trial, a: &Station, first: u8, second: u8, azimuth: f64) -> Judged {
     let view = |number: u8| -> Judged<Option<f64>> {
-        let report = a.ask(
-            information_request(21101).raw("Station Number 1-16", bit(number)),
-            t.timers().answer,
-            "the operating state of a payload",
-            |seen| seen.kind() == 21101 && seen.raw("Station Number 1-16") == Some(bit(number)),
-        )?;
-        Ok(report.value("Actual Horizontal Field of View"))
+        Ok(operating_state(a, number)?.value("Actual Horizontal Field of View"))
     };
     let (Some(before), Some(own)) = (view(first)?, view(second)?) else {
         return Ok(());
@@ -375,12 +388,7 @@ fn slew_rates(t: &Trial, a: &Station, station: u8) -> Judged {
     }
     t.pause(Duration::from_millis(800))?;
     let (after, high) = (pointing(a, station)?, elevation()?);
-    let state = a.ask(
-        information_request(21101).raw("Station Number 1-16", bit(station)),
-        t.timers().answer,
-        "the operating state of a payload",
-        |seen| seen.kind() == 21101 && seen.raw("Station Number 1-16") == Some(bit(station)),
-    )?;
+    let state = operating_state(a, station)?;
     let shown = state.raw("Pointing Mode State");
     t.expect_beside(&state, shown.is_none_or(|shown| shown == 2), || {
         format!("expected pointing mode 2 in 21101 after 19100 with it, got {shown:?}")
@@ -440,9 +448,9 @@ fn field_of_view(t: &Trial, a: &Station, station: u8) -> Judged {
 /// Pointing mode 4 points at the ground place, whatever angles the message has.
 fn ground_point(t: &Trial, a: &Station, station: u8) -> Judged {
     let now = fix(t, a)?;
-    let Some(heading) = now.heading else {
+    if now.heading.is_none() {
         return Ok(());
-    };
+    }
     let sent = a.send(active(station, 4));
     let refused = a.wait(sent.mark, t.timers().ack, |seen| {
         about(seen, 19100, sent.stamp) && seen.raw("Acknowledgement Type") == Some(3)
@@ -452,8 +460,14 @@ fn ground_point(t: &Trial, a: &Station, station: u8) -> Judged {
         return Ok(());
     }
     for (north, east) in [(0.0, 400.0), (300.0, -300.0)] {
-        let bearing = wrapped(f64::atan2(east, north) - heading);
         let (latitude, longitude) = now.offset(north, east);
+        // From the nose of a vehicle that may fly and turn meanwhile.
+        let bearing_from = |fix: &Fix| {
+            let (past_north, past_east) = fix.from(latitude, longitude);
+            let heading = fix.heading.unwrap_or_default();
+            wrapped(f64::atan2(-past_east, -past_north) - heading)
+        };
+        let bearing = bearing_from(&now);
         let sent = a.send(
             steer(station, wrapped(bearing + 1.5))
                 .set("Latitude", latitude)
@@ -469,7 +483,8 @@ fn ground_point(t: &Trial, a: &Station, station: u8) -> Judged {
             t.note("a ground point is refused");
             return Ok(());
         }
-        t.expect(turns(t, a, station, bearing, t.timers().begin)?, || {
+        let target = || -> Judged<f64> { Ok(bearing_from(&fix(t, a)?)) };
+        t.expect(turns_to(t, a, station, t.timers().begin, target)?, || {
             format!("expected the sensor to look at the ground point {bearing:.2} rad from the nose in pointing mode 4; 21101 does not show it")
         })?;
     }
@@ -511,14 +526,7 @@ fn laser_fires_on_its_code_only(t: &Trial) -> Judged {
         ]
         .map(|field| seen.raw(field))
     };
-    let state = || {
-        a.ask(
-            information_request(21101).raw("Station Number 1-16", bit(station)),
-            t.timers().answer,
-            "the operating state of a payload",
-            |seen| seen.kind() == 21101,
-        )
-    };
+    let state = || operating_state(&a, station);
     let before = lasing(&*state().precondition("the payload reports its state")?);
     // A message with other fields leaves it unchanged.
     a.send(by_angles(station));
@@ -554,89 +562,6 @@ fn laser_fires_on_its_code_only(t: &Trial) -> Judged {
         }
     }
     Ok(())
-}
-
-fn no_image_centre_above_the_horizon(t: &Trial) -> Judged {
-    let station = stations(t)?[0];
-    let (a, _) = t.payload_pair()?;
-    take_station(t, &a, station).precondition("LOI 3 is granted")?;
-    a.send(by_angles(station));
-    a.send(
-        steer(station, 0.0)
-            .set("Set Centreline Elevation Angle", 0.35)
-            .acked(),
-    );
-    let deadline = t.bench.net.now() + t.timers().begin.min(t.timers().answer * 3);
-    while t.bench.net.now() < deadline {
-        let state = a.query(21101)?;
-        let up = state
-            .value("Actual Centreline Elevation Angle")
-            .is_some_and(|elevation| elevation > 0.1);
-        if up {
-            let valid = state.raw("Image Position");
-            t.expect_beside(&state, valid.unwrap_or_default() == 0, || {
-                format!("expected no valid image centre in 21101 while the camera looks above the horizon, got Image Position {valid:?}")
-            })?;
-            a.send(steer(station, 0.0).acked());
-            a.release()?;
-            return image_centre_in_flight(t, station);
-        }
-        t.pause(Duration::from_millis(100))?;
-    }
-    Err(Stop::not_applicable(
-        "the camera does not look above the horizon",
-    ))
-}
-
-/// In flight the centre of the image is where the line of sight meets the ground. Away from flat ground that is not
-/// known, so it is judged near home only.
-fn image_centre_in_flight(t: &Trial, station: u8) -> Judged {
-    if !t
-        .bench
-        .flight_released
-        .load(std::sync::atomic::Ordering::SeqCst)
-    {
-        return Ok(());
-    }
-    let Ok(a) = airborne(t) else { return Ok(()) };
-    let home = home(t, &a)?;
-    if take_station(t, &a, station).is_err() {
-        return Ok(());
-    }
-    a.send(by_angles(station));
-    a.send(
-        steer(station, 0.6)
-            .set("Set Centreline Elevation Angle", -0.9)
-            .acked(),
-    );
-    turns(t, &a, station, 0.6, t.timers().begin)?;
-    t.pause(t.timers().answer / 2)?;
-    let (state, now) = (a.query(21101)?, fix(t, &a)?);
-    let valid = state.raw("Image Position").unwrap_or_default() != 0;
-    let place = state
-        .value("Latitude of image centre")
-        .zip(state.value("Longitude of image centre"));
-    let angles = state
-        .value("Actual Centreline Azimuth Angle")
-        .zip(state.value("Actual Centreline Elevation Angle"));
-    let (Some((latitude, longitude)), Some((azimuth, elevation)), Some(heading), true) =
-        (place, angles, now.heading, valid)
-    else {
-        t.note("no image centre is reported in flight");
-        return Ok(());
-    };
-    let height = now.altitude - home.altitude;
-    if elevation > -0.5 || height < 10.0 {
-        t.note("the camera does not look down: the place of the image centre is not judged");
-        return Ok(());
-    }
-    let (far, bearing) = (height / (-elevation).tan(), heading + azimuth);
-    let (expected_north, expected_east) = now.offset(far * bearing.cos(), far * bearing.sin());
-    let off = ((latitude - expected_north) * EARTH_M)
-        .hypot(wrapped(longitude - expected_east) * expected_north.cos() * EARTH_M);
-    t.expect_of(&state, off < 12.0 + 0.25 * far, || {
-        format!("expected the image centre {far:.0} m ahead of the vehicle, where the line of sight meets the ground; 21101 shows it {off:.0} m from there")
-    })
 }
 
 fn vehicle_controller_may_take_a_station(t: &Trial) -> Judged {
