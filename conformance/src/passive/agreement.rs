@@ -83,7 +83,7 @@ fn motion_is_reported_alike(view: &View<'_>, found: &mut Found) {
         let Some(fix) = (seen.kind() == 3009)
             .then(|| latest.get(&ends(seen)))
             .flatten()
-            .filter(|motion| seen.at.abs_diff(motion.at).as_millis() < 400)
+            .filter(|motion| of_one_moment(seen, motion))
             .and_then(|motion| Fix::of(motion))
         else {
             continue;
@@ -121,6 +121,14 @@ fn motion_is_reported_alike(view: &View<'_>, found: &mut Found) {
         2,
         "expected True Airspeed of 3009 to be the speed of 4000 less the wind of 3009; it differs by more than 40 %",
     );
+}
+
+/// Whether two reports are of about one time: both as they came and by their stamps, since what has waited on the way comes together.
+fn of_one_moment(one: &Seen, other: &Seen) -> bool {
+    const APART_MS: u128 = 400;
+    let stamps = one.stamp().zip(other.stamp());
+    let apart = stamps.map_or(0, |(one, other)| one.abs_diff(other));
+    one.at.abs_diff(other.at).as_millis() < APART_MS && u128::from(apart) < APART_MS
 }
 
 /// A field of 4000 that is present in one message, absent in the next, and so on, is left out because of its value
@@ -364,7 +372,11 @@ fn limits_of_the_camera(view: &View<'_>, found: &mut Found) {
 /// The oldest 4000 by which an image is judged: in a gap the aircraft may have climbed.
 const IMAGED_FROM: Duration = Duration::from_secs(3);
 
-/// What a camera sees below the horizon lies below the aircraft.
+/// How far down a camera looks at least where its image is judged: the sine of the angle below the horizon.
+const LOOKS_DOWN: f64 = 0.1;
+
+/// What a camera sees below the horizon lies below the aircraft. Its angles are from the aircraft's axes: in a bank it may look above
+/// the horizon with a negative elevation, at a mountain.
 fn the_image_is_on_the_ground(view: &View<'_>, found: &mut Found) {
     let mut latest: BTreeMap<Ends, Fix> = BTreeMap::new();
     for seen in view.messages() {
@@ -383,9 +395,16 @@ fn the_image_is_on_the_ground(view: &View<'_>, found: &mut Found) {
         ) else {
             continue;
         };
+        let level = Fix {
+            heading: Some(0.0),
+            ..*vehicle
+        };
+        let azimuth = seen.value("Actual Centreline Azimuth Angle");
+        let sight = level.sight(azimuth.unwrap_or_default(), elevation);
+        let down = sight.is_some_and(|[_, _, down]| down > LOOKS_DOWN) && elevation < -LOOKS_DOWN;
         // Only with altitude type 3: 21101 names no datum, and the other types of 4000 may differ from it by more
         // than the 5 m that are allowed here.
-        if elevation < -0.1 && vehicle.altitude_type == 3 {
+        if down && vehicle.altitude_type == 3 {
             found.check(seen, ground < vehicle.altitude + 5.0, || {
                 format!(
                     "expected the image centre of a camera that looks down below the vehicle; it is at {ground:.0} m, the vehicle at {:.0} m",
@@ -783,17 +802,45 @@ mod tests {
     #[test]
     fn an_image_is_that_of_the_place_of_its_time() {
         use crate::passive::view::trace::received;
-        let judged = |after_ms: u64| {
-            let aircraft = position(0, true).raw("Altitude Type", 3);
+        let judged = |after_ms: u64, roll: f64, azimuth: f64| {
+            let aircraft = position(0, true).raw("Altitude Type", 3).set("Roll", roll);
             let image = Draft::new(21_101)
                 .set("Altitude", 900.0)
-                .set("Actual Centreline Elevation Angle", -0.5);
+                .set("Actual Centreline Elevation Angle", -0.5)
+                .set("Actual Centreline Azimuth Angle", azimuth);
             let run = [received(0, aircraft), received(after_ms, image)];
             both(&run, the_image_is_on_the_ground)
         };
-        assert_eq!(judged(500), [Verdict::Fail; 2]);
+        assert_eq!(judged(500, 0.0, -1.57), [Verdict::Fail; 2]);
         // Meanwhile it has climbed.
-        assert_eq!(judged(60_000), [Verdict::Inconclusive; 2]);
+        assert_eq!(judged(60_000, 0.0, -1.57), [Verdict::Inconclusive; 2]);
+        // The right wing down: above its left wing it looks above the horizon, perhaps at a mountain.
+        assert_eq!(judged(500, 0.7, -1.57), [Verdict::Inconclusive; 2]);
+        assert_eq!(judged(500, 0.7, 1.57), [Verdict::Fail; 2]);
+    }
+
+    #[test]
+    fn what_has_waited_on_the_way_is_not_compared_with_what_has_not() {
+        use crate::passive::view::trace::received;
+        // Each 3009 comes just after a 4000, and is of so much later; it climbs where that sinks.
+        let judged = |later_ms: u64| {
+            let run: Vec<_> = (1..5)
+                .flat_map(|step| {
+                    let at_ms = step * 10_000;
+                    let motion = position(at_ms, true).set("W_Speed", 3.0);
+                    let air = Draft::new(3009)
+                        .raw("Time Stamp", (at_ms + later_ms) as i64)
+                        .set("Barometric Altitude Rate", 3.0);
+                    [
+                        received(at_ms + 3_000, motion),
+                        received(at_ms + 3_010, air),
+                    ]
+                })
+                .collect();
+            both(&run, motion_is_reported_alike)
+        };
+        assert_eq!(judged(0), [Verdict::Fail; 2]);
+        assert_eq!(judged(2_000), [Verdict::Inconclusive; 2]);
     }
 
     #[test]
