@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::scene::Scene;
 use crate::bench::fix::{Fix, wrapped};
-use crate::bench::flight::{airborne, fix, hold, mode, mode_command};
+use crate::bench::flight::{airborne, fix, hold, mode, mode_becomes, mode_command};
 use crate::bench::station::{Station, about, information_request, schedule};
 use crate::bench::trial::Trial;
 use crate::verdict::{Judged, Stop};
@@ -24,6 +24,8 @@ pub(super) const SCENES: &[Scene] = &[Scene {
 const EVERY: Duration = Duration::from_millis(20);
 /// Sticks before the mode: a vehicle may enter it only once they come.
 const BEFORE: Duration = Duration::from_millis(700);
+/// By then a vehicle has noticed that sticks no longer come.
+const GONE: Duration = Duration::from_millis(1_500);
 /// A loss of sticks is a loss of the network or of a slow computer, so it is tried again.
 const ATTEMPTS: usize = 3;
 
@@ -276,6 +278,11 @@ fn sticks_move_the_vehicle(t: &Trial) -> Judged {
         }
     }
     a.send(schedule(4000, 0));
+    // To some autopilots sticks that no longer come are a loss in mode 12 too: they hold, show mode 12, and return some
+    // seconds later, in the rules that follow. A mode that is commanded once they are gone ends that.
+    t.pause(GONE)?;
+    a.send(mode_command(mode::LOITER));
+    mode_becomes(&a, mode::LOITER, t.timers().begin)?;
     let Some(flight) = found else {
         return Err(Stop::inconclusive(format!(
             "mode 2 was not entered, or was left while sticks came, in {ATTEMPTS} attempts"
