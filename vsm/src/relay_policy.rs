@@ -5,9 +5,12 @@
 //! sends: its messages, its commands, and writes of parameters that are no safety net ([`RelayPolicy::default`]). That of another
 //! ground station is shorter, and does not grow with what the bridge learns to send: what a person flies by there
 //! ([`RelayPolicy::of_ground_station`]). Not on either are SERIAL_CONTROL (a shell on PX4),
-//! FILE_TRANSFER_PROTOCOL (its SD card, and its key file with it), reboots, and the parameters by which PX4 defends itself:
-//! failsafes, geofence, arming checks, the ports and their signing. The lists are the agent's own configuration, which nobody
-//! changes over the radio.
+//! FILE_TRANSFER_PROTOCOL (its SD card, and its key file with it), reboots, and the parameters by which PX4 defends itself
+//! ([`RelayPolicy::protected_parameters`]). An item of a mission is judged as well: PX4 carries some of them out as commands. The lists
+//! are the agent's own configuration, which nobody changes over the radio.
+//!
+//! What no list can tell apart is a fence or a set of rally points that the ground replaces from one that somebody with its key
+//! removes: the bridge uploads both. PX4's own limits (GF_MAX_HOR_DIST, GF_MAX_VER_DIST) are parameters, and stay.
 
 use mavlink_link::frame::FrameView;
 
@@ -16,7 +19,7 @@ use mavlink_link::frame::FrameView;
 pub struct RelayPolicy {
     /// MAVLink message ids.
     pub messages: Vec<u32>,
-    /// Commands of COMMAND_LONG and COMMAND_INT.
+    /// Commands of COMMAND_LONG and COMMAND_INT, and of items of a mission that plan nothing ([`RelayPolicy::lets_fly`]).
     pub commands: Vec<u16>,
     /// Names of parameters that are not written; `*` stands for any characters.
     pub protected_parameters: Vec<String>,
@@ -96,7 +99,14 @@ impl RelayPolicy {
             return Err(Denied::Zeroizing);
         }
         match id {
-            COMMAND_INT | COMMAND_LONG => self.check_command(payload, px4.disarmed),
+            COMMAND_INT | COMMAND_LONG => {
+                self.check_command(number(payload, 28), payload, px4.disarmed)
+            }
+            // When the mission reaches it PX4 may be in the air, whatever it is now.
+            MISSION_ITEM | MISSION_ITEM_INT => match number(payload, 30) {
+                command if plans(command) => Ok(()),
+                command => self.check_command(command, payload, false),
+            },
             PARAM_SET => {
                 let mut name = [0; 16];
                 for (to, at) in name.iter_mut().zip(6..) {
@@ -112,9 +122,14 @@ impl RelayPolicy {
         }
     }
 
-    fn check_command(&self, payload: &[u8], disarmed: bool) -> Result<(), Denied> {
-        // In both messages param2 is at 4 and the command at 28; zeros at the end are cut off on the wire.
-        let command = u16::from_le_bytes([byte(payload, 28), byte(payload, 29)]);
+    /// Whether an item of a mission passes: it plans, or is a command that is on the list.
+    #[must_use]
+    pub fn lets_fly(&self, command: u16) -> bool {
+        plans(command) || self.commands.contains(&command)
+    }
+
+    /// In commands and in items of a mission param2 is at 4; zeros at the end of a payload are cut off on the wire.
+    fn check_command(&self, command: u16, payload: &[u8], disarmed: bool) -> Result<(), Denied> {
         if !self.commands.contains(&command) {
             return Err(Denied::Command(command));
         }
@@ -140,11 +155,10 @@ impl RelayPolicy {
     }
 }
 
-/// Whether a life hangs on a parameter: PX4 defends itself by it, or it decides what a switch, a motor, an estimator or a return
-/// does. It is no control of a CUCS by a pattern or a group.
+/// Whether a life hangs on a parameter: it is one of those that the ground does not write through an agent. It is no control of a
+/// CUCS by a pattern or a group either.
 pub(crate) fn is_safety_net(name: &str) -> bool {
-    let mut patterns = PROTECTED.iter().chain(&NO_CONTROLS);
-    patterns.any(|pattern| fits(pattern, name))
+    PROTECTED.iter().any(|pattern| fits(pattern, name))
 }
 
 /// Whether the name of a parameter fits a pattern, `*` standing for any characters.
@@ -154,6 +168,31 @@ pub(crate) fn fits(pattern: &str, name: &str) -> bool {
 
 fn byte(payload: &[u8], at: usize) -> u8 {
     payload.get(at).copied().unwrap_or(0)
+}
+
+fn number(payload: &[u8], at: usize) -> u16 {
+    u16::from_le_bytes([byte(payload, at), byte(payload, at + 1)])
+}
+
+/// Whether an item of a mission plans a flight, its pictures, its gimbal, a fence or a rally point. Of what else PX4 v1.18 takes
+/// (`mavlink_mission.cpp`) it makes the command of the same number when the mission reaches it (`mission_block.cpp`), a forced disarming
+/// among them (COMPONENT_ARM_DISARM), another home (DO_SET_HOME), a moved output (DO_SET_ACTUATOR), a released load (DO_GRIPPER, DO_WINCH),
+/// DO_AUTOTUNE_ENABLE.
+fn plans(command: u16) -> bool {
+    matches!(
+        command,
+        // NAV_WAYPOINT to NAV_TAKEOFF, NAV_LOITER_TO_ALT, NAV_ROI, NAV_VTOL_TAKEOFF, NAV_VTOL_LAND, NAV_DELAY, CONDITION_DELAY.
+        16..=22 | 31 | 80 | 84 | 85 | 93 | 112
+        // DO_JUMP, DO_CHANGE_SPEED, DO_LAND_START, DO_VTOL_TRANSITION, CONDITION_GATE.
+        | 177 | 178 | 189 | 3_000 | 4_501
+        // DO_SET_ROI_LOCATION, _WPNEXT_OFFSET, _NONE, DO_SET_ROI; DO_MOUNT_CONFIGURE, _CONTROL; DO_GIMBAL_MANAGER_PITCHYAW, _CONFIGURE.
+        | 195..=197 | 201 | 204 | 205 | 1_000 | 1_001
+        // DO_CONTROL_VIDEO, DO_DIGICAM_CONTROL, DO_SET_CAM_TRIGG_DIST, _INTERVAL, OBLIQUE_SURVEY, DO_TRIGGER_CONTROL; SET_CAMERA_MODE,
+        // _ZOOM, _FOCUS, _SOURCE; IMAGE_START_, IMAGE_STOP_, VIDEO_START_, VIDEO_STOP_CAPTURE.
+        | 200 | 203 | 206 | 214 | 260 | 2_003 | 530..=532 | 534 | 2_000 | 2_001 | 2_500 | 2_501
+        // NAV_FENCE_*, NAV_RALLY_POINT.
+        | 5_000..=5_004 | 5_100
+    )
 }
 
 /// Whether a name fits a pattern. A star is tried at each length: names have at most 16 characters.
@@ -173,7 +212,7 @@ fn matches(pattern: &[u8], name: &[u8]) -> bool {
 fn may_arm(message_id: u32, payload: &[u8]) -> bool {
     match message_id {
         COMMAND_INT | COMMAND_LONG => {
-            let command = u16::from_le_bytes([byte(payload, 28), byte(payload, 29)]);
+            let command = number(payload, 28);
             let param1 = f32::from_le_bytes([0, 1, 2, 3].map(|at| byte(payload, at)));
             command == MISSION_START || command == ARM_DISARM && param1 != 0.0
         }
@@ -195,6 +234,8 @@ pub(crate) const FILE_TRANSFER: u32 = 110;
 const COMMAND_INT: u32 = 75;
 const COMMAND_LONG: u32 = 76;
 const PARAM_SET: u32 = 23;
+const MISSION_ITEM: u32 = 39;
+const MISSION_ITEM_INT: u32 = 73;
 const MANUAL_CONTROL: u32 = 69;
 const MISSION_START: u16 = 300;
 const ARM_DISARM: u16 = 400;
@@ -273,41 +314,119 @@ const STATION_COMMANDS: [u16; 10] = [22, 34, 176, 178, 191, 192, ARM_DISARM, 511
 /// PREFLIGHT_CALIBRATION, _SET_SENSOR_OFFSETS, _STORAGE, _REBOOT_SHUTDOWN: where the list has them, on the ground only.
 const ONLY_DISARMED: [u16; 4] = [241, 242, 245, 246];
 
-/// The failsafes and arming checks (COM_), what they do (NAV_), the geofence, the circuit breakers, the ports and the
-/// signing on them, the termination, the operator control, the boot script's choices.
-const PROTECTED: [&str; 13] = [
+/// Parameters that the ground does not write, by families, so that one which PX4 adds to a family is protected too. Left are the gains,
+/// limits and speeds of the controllers, how a mission, a payload and a picture is flown, the log, the transponder.
+const PROTECTED: [&str; 65] = [
+    // What is checked, what happens then, without the link or its battery, and where it returns to or may fly.
     "COM_*",
-    "NAV_DLL_ACT",
-    "NAV_RCL_ACT",
+    "NAV_DLL_*",
+    "NAV_RCL_*",
+    "NAV_LTR_*",
+    "NAV_MIN_*",
+    "NAV_TRAFF_*",
+    "NAV_FORCE_VT",
+    "RTL_*",
     "GF_*",
+    "MIS_TKO_LAND_REQ",
     "CBRK_*",
-    "MAV_*",
-    "SER_*",
     "FD_*",
-    "BAT*_ACT",
-    "BAT*_THR",
-    "SYS_*",
-    "UXRCE_*",
-    "UAVCAN_*",
-];
-
-/// Beside those, for the controls of a CUCS alone: the switches of the remote control (its kill switch), the motors and servos, the
-/// quadchute, the return, calibration, the estimator.
-const NO_CONTROLS: [&str; 9] = [
-    "RC_*",
-    "CA_*",
+    "MOTFAIL_*",
+    "ESC_*",
+    "BAT*",
+    "CP_*",
+    "FW_GPSF_*",
+    "FW_LND_ABORT",
     "VT_QC_*",
     "VT_FW_QC_*",
-    "RTL_*",
-    "CAL_*",
+    "VT_FW_MIN_ALT",
+    "VT_TRANS_TIMEOUT",
+    // What counts as landed: PX4 disarms there, and no failsafe begins.
+    "LND*",
+    // Sticks and their switches, the kill switch among them.
+    "RC*",
+    "MAN_*",
+    // Motors, servos and engines: what each output is, and its value when armed, disarmed and failed.
+    "CA_*",
     "PWM_*",
+    "DSHOT_*",
+    "ICE_*",
+    "VT_TYPE",
+    "PASSTHRU_EN",
+    "*_FUNC*",
+    "*_FAIL*",
+    "PCA9685_*",
+    "TAP_ESC_*",
+    "VOXL*",
+    "VTQ_*",
+    // Estimators and sensors: by these each of the above finds out.
     "EKF2_*",
-    "NAV_FORCE_VT",
+    "LPE_*",
+    "ATT_*",
+    "HTE_*",
+    "ASPD_*",
+    "FW_AIRSPD_STALL",
+    "CAL_*",
+    "TC_*",
+    "SENS_*",
+    "GPS_*",
+    "SEP_*",
+    "MS_*",
+    "VN_*",
+    "SBG_*",
+    "ILABS_*",
+    "ADC_*",
+    "INA2*",
+    // Ports, what is spoken on them, signing, and what is started.
+    "MAV_*",
+    "SER_*",
+    "SYS_*",
+    "USB_*",
+    "UXRCE_*",
+    "ZENOH_*",
+    "UAVCAN_*",
+    "UCAN1_*",
+    "CYPHAL_*",
+    "*_CFG",
+    "*_CONFIG",
 ];
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn each_setting_that_check_vehicle_judges_is_protected() {
+        for setting in mapping::hardening::SETTINGS {
+            assert!(is_safety_net(setting.name), "{}", setting.name);
+        }
+    }
+
+    /// A family of PX4's table that is neither here nor protected is one that nobody has decided about.
+    #[test]
+    fn of_px4s_table_only_these_families_are_written() {
+        let written = "ADSB_* EV_* FLW_* FW_* IMU_* MBE_* MC_* MIS_* MNT_* MPC_* NAV_*_RAD NPFG_* OSD_* PD_* PLD_* PP_* RA_* RD_* RM_* RO_* \
+                       RWTO_* SDLOG_* SIH_* SIM_* TEST_* THR_* TRIG_* TRIM_* UUV_* VTE_* VTO_* VT_* WEIGHT_* WV_*";
+        for name in mapping::parameter::names().filter(|name| !is_safety_net(name)) {
+            let mut families = written.split(' ');
+            assert!(families.any(|family| fits(family, name)), "{name}");
+        }
+        // Each family is written indeed, so that the list above is no longer than it has to be.
+        for family in written.split(' ') {
+            let mut names = mapping::parameter::names();
+            assert!(
+                names.any(|name| fits(family, name) && !is_safety_net(name)),
+                "{family}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_guide_has_the_protected_parameters() {
+        let page = include_str!("../../docs/guide/keys.md");
+        for pattern in PROTECTED {
+            assert!(page.contains(&format!("`{pattern}`")), "{pattern}");
+        }
+    }
 
     /// What it is by default is in docs/guide/beside-others.md, and does not follow the list of the agent.
     #[test]

@@ -78,10 +78,10 @@ table! {
     pub struct Relay {
         /// MAVLink message ids that the ground may send to PX4
         pub messages: Option<Vec<u32>> => Nothing("what the bridge sends"),
-        /// Commands of COMMAND_LONG and COMMAND_INT, by their numbers
+        /// Commands of COMMAND_LONG and COMMAND_INT, by their numbers, and of items of a mission that PX4 carries out as commands
         pub commands: Option<Vec<u16>> => Nothing("what the bridge sends"),
         /// Parameters that are not written; `*` stands for any characters
-        pub protected_parameters: Option<Vec<String>> => Nothing("PX4's failsafes, fence, ports and signing"),
+        pub protected_parameters: Option<Vec<String>> => Nothing("PX4's failsafes, checks, fence, outputs, sensors, ports and signing"),
     }
 }
 

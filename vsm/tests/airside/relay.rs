@@ -298,6 +298,7 @@ fn a_captured_ground_station_reaches_no_shell_no_files_and_no_failsafe() {
         let bytes = command_frame(&mut world, 76, 400, param2);
         assert!(!world.passes(GROUND, &bytes), "{param2}");
     }
+    let mut written = 0;
     for name in [
         "COM_DL_LOSS_T",
         "NAV_DLL_ACT",
@@ -307,12 +308,40 @@ fn a_captured_ground_station_reaches_no_shell_no_files_and_no_failsafe() {
         "MAV_SIGN_CFG",
         "MAV_2_CONFIG",
         "COM_ARM_WO_GPS",
+        "RTL_TYPE",
+        "MIS_TKO_LAND_REQ",
+        "NAV_FORCE_VT",
+        "NAV_TRAFF_AVOID",
+        "VT_QC_ALT_LOSS",
+        "VT_FW_QC_P",
+        "VT_FW_MIN_ALT",
+        "VT_TRANS_TIMEOUT",
+        "RC_MAP_KILL_SW",
+        "RC_FAILS_THR",
+        "RC5_REV",
+        "MAN_KILL_GEST_T",
+        "CA_FAILURE_MODE",
+        "PCA9685_FUNC1",
+        "EKF2_GPS_CHECK",
+        "ASPD_DO_CHECKS",
+        "MOTFAIL_TIME",
+        "CAL_MAG0_ID",
+        "SENS_BOARD_ROT",
+        "BAT1_V_EMPTY",
+        "BAT1_N_CELLS",
+        "BAT2_CAPACITY",
+        "LNDMC_Z_VEL_MAX",
+        "CP_DIST",
+        "FW_GPSF_LT",
+        "RC_CRSF_PRT_CFG",
+        "TEL_HOTT_CONFIG",
     ] {
         let bytes = write_of(&mut world, name);
         assert!(!world.passes(GROUND, &bytes), "{name}");
+        written += 1;
     }
     let protected = "parameter protected (relay.protected_parameters)";
-    assert_eq!(world.held_back(protected), 8);
+    assert_eq!(world.held_back(protected), written);
     let status = world.agent.status(String::new(), world.now.mono);
     let messages: Vec<_> = status.denied_messages.iter().collect();
     assert!(
@@ -342,6 +371,54 @@ fn a_captured_ground_station_reaches_no_shell_no_files_and_no_failsafe() {
         let bytes = write_of(&mut world, name);
         assert!(world.passes(GROUND, &bytes), "{name}");
     }
+}
+
+/// An item of a mission, in place of a command. PX4 v1.18 carries it out as one when the mission reaches it.
+fn item(world: &mut World, id: u32, command: u16, param2: f32) -> Vec<u8> {
+    let mut payload = [0; 38];
+    payload[4..8].copy_from_slice(&param2.to_le_bytes());
+    payload[30..32].copy_from_slice(&command.to_le_bytes());
+    payload[32..35].copy_from_slice(&[1, 1, 2]);
+    signed(world, id, &payload)
+}
+
+#[test]
+fn a_captured_ground_station_reaches_nothing_by_a_mission_that_it_may_not_command() {
+    let mut world = World::live();
+    // MISSION_ITEM, MISSION_ITEM_INT.
+    for id in [39, 73] {
+        // DO_SET_HOME, DO_SET_ACTUATOR, DO_GRIPPER, DO_AUTOTUNE_ENABLE, DO_WINCH, DO_FLIGHTTERMINATION, and one that nobody knows.
+        for command in [179, 187, 211, 212, 42_600, 185, 9_999] {
+            let bytes = item(&mut world, id, command, 0.0);
+            assert!(!world.passes(GROUND, &bytes), "{command}");
+        }
+        // The motors are not stopped in flight by an item that disarms by force either.
+        for param2 in [21_196.0, f32::NAN] {
+            let bytes = item(&mut world, id, 400, param2);
+            assert!(!world.passes(GROUND, &bytes), "{param2}");
+        }
+        for command in [
+            16, 17, 20, 21, 22, 31, 85, 93, 177, 178, 189, 195, 197, 206, 3_000, 5_001, 5_100, 400,
+        ] {
+            let bytes = item(&mut world, id, command, 0.0);
+            assert!(world.passes(GROUND, &bytes), "{command}");
+        }
+    }
+    assert_eq!(world.held_back("command not allowed (relay.commands)"), 14);
+    assert_eq!(world.held_back("forced arming or disarming"), 4);
+}
+
+#[test]
+fn a_mission_carries_out_what_is_listed_and_no_reboot_in_flight() {
+    let mut settings = settings();
+    settings.policy.commands.extend([211, 246]);
+    let disk = Disk::with(Some(key(5)));
+    let mut world = World::with(settings, disk, Signing::with_key(key(5), 0));
+    world.run(3.0);
+    let bytes = item(&mut world, 73, 211, 0.0);
+    assert!(world.passes(GROUND, &bytes));
+    let bytes = item(&mut world, 73, 246, 0.0);
+    assert!(!world.passes(GROUND, &bytes), "the mission may be flown");
 }
 
 #[test]

@@ -765,15 +765,20 @@ fn assert_relayed(frame: &[u8], policy: &RelayPolicy) {
     let id = u32::from_le_bytes([byte(7), byte(8), byte(9), 0]);
     let passes = policy.messages.contains(&id) || NOT_RELAYED.contains(&id);
     assert!(passes, "relay_policy.rs: message {id} is not on its list");
+    // Zeros at the end of a payload are cut off.
+    let payload = |at: u8| {
+        if at < byte(1) {
+            byte(10 + usize::from(at))
+        } else {
+            0
+        }
+    };
+    if id == MISSION_ITEM_INT {
+        let item = u16::from_le_bytes([payload(30), payload(31)]);
+        let passes = policy.lets_fly(item);
+        assert!(passes, "relay_policy.rs: item {item} is not on its list");
+    }
     if COMMANDS.contains(&id) {
-        // Zeros at the end of a payload are cut off.
-        let payload = |at: u8| {
-            if at < byte(1) {
-                byte(10 + usize::from(at))
-            } else {
-                0
-            }
-        };
         let command = u16::from_le_bytes([payload(28), payload(29)]);
         let passes = policy.commands.contains(&command) || command == TERMINATION;
         assert!(
@@ -819,6 +824,7 @@ const OWN: [u8; 2] = [245, 190];
 const NOT_RELAYED: [u32; 2] = [110, 229];
 /// COMMAND_INT and COMMAND_LONG.
 const COMMANDS: [u32; 2] = [75, 76];
+const MISSION_ITEM_INT: u32 = 73;
 /// DO_FLIGHTTERMINATION, which the owner lists.
 const TERMINATION: u16 = 185;
 /// Shorter than anything that most tests measure.
