@@ -371,6 +371,7 @@ impl Agent {
             state: self.phase.name(),
             key_id: self.phase.key_id().map(|id| id.to_string()),
             next_key_id: self.phase.next_id().map(|id| id.to_string()),
+            memory_locked: false,
             to_px4: self.relay.to_px4,
             to_ground: self.relay.to_ground,
             held_back: self.relay.held_back.clone(),

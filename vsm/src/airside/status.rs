@@ -23,6 +23,8 @@ pub struct AirsideStatus {
     pub key_id: Option<String>,
     /// The id of a key that is to be sent to PX4, or may have been sent.
     pub next_key_id: Option<String>,
+    /// Whether the memory of the process, and every key in it, is kept out of swap.
+    pub memory_locked: bool,
     /// Frames of the ground passed on to PX4.
     pub to_px4: u64,
     /// Frames of PX4 passed on to the ground.

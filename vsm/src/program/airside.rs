@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use crate::shell::airside::{AirsideError, AirsideServer};
-use crate::shell::{pairing_socket, service};
+use crate::shell::{memory, pairing_socket, service};
 use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
 use serde_json::Value;
@@ -63,6 +63,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
 fn serve(path: &Path, with_pairing: bool, format: LogFormat) -> Result<(), Failure> {
     let config = load_airside(path)?;
     let _log = log(format)?;
+    memory::lock();
     // Before any key is read and any link is open: after an order to zeroize, nothing may be served.
     zeroize::finish(
         &config.store.dir,
@@ -169,6 +170,7 @@ fn readable(of: &Value) -> String {
     if let Some(id) = of["next_key_id"].as_str() {
         text += &format!("  key on its way to PX4 {id}\n");
     }
+    text += &status::memory("  ", of);
     text += &format!("  this agent    {}\n", status::plain(&of["identity"]));
     let ground = of["ground"].as_str().unwrap_or("not paired yet");
     text += &format!("  paired with   {ground}\n");

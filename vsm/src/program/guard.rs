@@ -20,8 +20,7 @@ use crate::shell::guard_link::{GuardEnding, GuardError, GuardPairing, GuardSide}
 use crate::shell::guard_proxy::{GuardConfig, GuardProxy};
 use crate::shell::key_file::KeyFileError;
 use crate::shell::key_store::KeyStoreError;
-use crate::shell::pairing_socket;
-use crate::shell::service;
+use crate::shell::{memory, pairing_socket, service};
 
 use super::config_arg::ConfigArg;
 use super::key;
@@ -291,6 +290,7 @@ fn serve(arguments: Run) -> Result<(), Failure> {
         ..Group::new(address)
     });
     let _log = log(format)?;
+    memory::lock();
     let side = GuardSide {
         cucs,
         vsm: vsm_id,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::config::Config;
 use crate::shell::disk::{FileDisk, NativeFileSystem};
 use crate::shell::server::{Gathering, Server, StartError};
-use crate::shell::service;
+use crate::shell::{memory, service};
 
 use super::check_config::located;
 use super::process::{
@@ -17,6 +17,7 @@ use super::zeroize;
 pub(crate) fn run(path: &Path, format: LogFormat) -> Result<(), Failure> {
     let mut config = load(path)?;
     let _log = log(format)?;
+    memory::lock();
     // Before any key is read and any socket is open: after an order to zeroize, nothing may be served.
     zeroize::finish(
         &config.store.dir,

@@ -8,6 +8,7 @@ use std::time::Duration;
 use crate::config::Config;
 use crate::session::VehiclePattern;
 use crate::shell::guard_agreed::AgreedFiles;
+use crate::shell::memory::CURE;
 use crate::shell::status_socket;
 use anyhow::Context as _;
 use serde_json::{Value, json};
@@ -138,6 +139,7 @@ fn readable(status: &Value, many: bool) -> String {
     for warning in list(&status["warnings"]) {
         text += &format!("WARNING: {}\n", plain(warning));
     }
+    text += &memory("", status);
     for finding in list(&status["findings"]) {
         let (cause, cure) = (plain(&finding["cause"]), plain(&finding["cure"]));
         text += &format!("FINDING: {cause}; {cure} [{}]\n", plain(&finding["code"]));
@@ -174,6 +176,14 @@ fn readable(status: &Value, many: bool) -> String {
     text += &counts("DLI set aside: ", &status["set_aside"]);
     text += &counts("recordings: ", &status["recordings"]);
     text
+}
+
+/// Of bridge and agent: what is true where the memory is locked needs no line.
+pub(super) fn memory(indent: &str, status: &Value) -> String {
+    match status["memory_locked"] {
+        Value::Bool(false) => format!("{indent}memory is not locked: {CURE}\n"),
+        _ => String::new(),
+    }
 }
 
 /// `vsm guard status`: what of each ground station verifies, and what was refused.

@@ -30,6 +30,7 @@ use super::key_file::system_random;
 use super::key_link;
 use super::key_store::{KeyStore, KeyStoreError};
 use super::local_peers::LocalPeers;
+use super::memory;
 use super::ordered_files::OrderedKeys;
 use super::pairing_socket::{self, Asker};
 use super::queued_disk::QueuedDisk;
@@ -345,6 +346,7 @@ impl AirsideServer {
         let now = self.clock.mono();
         let mut status = self.agent.status(self.vehicle.clone(), now);
         status.encryption = self.encryption.as_ref().map(|one| one.status(now));
+        status.memory_locked = memory::is_locked();
         status
     }
 

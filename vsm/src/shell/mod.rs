@@ -2,7 +2,7 @@
 //!
 //! From the bottom up: `ownership` checks which files are trusted; `disk` implements [`Disk`](mavlink_link::store::Disk),
 //! and `queued_disk` puts a thread before it that synchronises, so that a running bridge never waits for that; `key_file`
-//! and `key_store` are the signing keys, `guard_file` those of the DLI guard, `guard_agreed` those agreed with the guard,
+//! and `key_store` are the signing keys, `memory` keeps them out of swap, `guard_file` those of the DLI guard, `guard_agreed` those agreed with the guard,
 //! `ordered_files` the thread that writes them, `lent_files` what a thread may change that outlives its store; `clock` and
 //! `timer` the time, `sockets` UDP and serial lines, `interfaces` the networks, `local_peers` with `socket_owners` the
 //! programs at their other end, `encryption` the encrypted links on these;
@@ -36,6 +36,7 @@ pub mod key_store;
 mod lent_files;
 pub mod local_peers;
 pub mod log_pipe;
+pub mod memory;
 pub mod ordered_files;
 pub mod ownership;
 pub mod pairing;

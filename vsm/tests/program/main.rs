@@ -20,6 +20,7 @@ mod files;
 mod init;
 mod logging;
 mod many_vehicles;
+mod memory_lock;
 mod multicast;
 mod reload;
 mod reload_on_a_slow_disk;

@@ -53,6 +53,8 @@ pub struct Status {
     pub message_names: BTreeMap<u32, &'static str>,
     /// Messages that are held until the disk has stored what they promise.
     pub held: usize,
+    /// Whether the memory of the process, and every key in it, is kept out of swap.
+    pub memory_locked: bool,
     /// What does not work, and why.
     pub findings: Vec<Finding>,
     /// Warnings and errors of the log of the last [`LATELY`], the oldest first.
@@ -512,6 +514,7 @@ impl Bridge {
             sent: self.outbox.sent.clone(),
             message_names: message_names(&[&self.records.received, &self.outbox.sent]),
             held: self.outbox.waiting(),
+            memory_locked: false,
             findings: self.findings(now),
             logged: Vec::new(),
             stations: stations.collect(),
@@ -743,6 +746,7 @@ mod tests {
             sent: ByType::default(),
             message_names: BTreeMap::new(),
             held: 0,
+            memory_locked: false,
             findings: Vec::new(),
             logged: Vec::new(),
             stations: Vec::new(),

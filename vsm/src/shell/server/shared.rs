@@ -22,6 +22,7 @@ use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::dli_recording::DliRecording;
 use crate::shell::encryption::Encryption;
 use crate::shell::key_file::system_random;
+use crate::shell::memory;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
 use crate::shell::recording::Recording;
@@ -306,6 +307,7 @@ impl Shared {
         if let Some(recording) = &core.dli_recording {
             recording.count(&mut status.recordings);
         }
+        status.memory_locked = memory::is_locked();
         if core.lease_has_ended() {
             status.warnings.push(NO_LEASE.to_owned());
         }

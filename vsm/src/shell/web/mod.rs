@@ -275,6 +275,7 @@ mod tests {
                 forwards: Vec::new(),
                 recordings: Default::default(),
                 held: Default::default(),
+                memory_locked: false,
             }
         }
 
