@@ -2,6 +2,7 @@
 //!
 //! | module | what it is for |
 //! |---|---|
+//! | [`attacks`] | how much of an attack a test makes: a little, or with `cargo xtask attacks` all |
 //! | [`network`] | a simulated network: loss, duplication, reordering, delay and damage, by a seed |
 //! | [`clock`] | a virtual clock, whose wall clock can be stepped and whose process can restart |
 //! | [`curves`] | random curved legs, and oracles that share nothing with `curve-paths` |
@@ -40,6 +41,7 @@
 
 #[cfg(feature = "any_input")]
 pub mod any_input;
+pub mod attacks;
 #[cfg(feature = "bridge")]
 pub mod bridge;
 pub mod captures;

@@ -4,6 +4,7 @@
 
 #![expect(clippy::print_stderr, reason = "a program for people to read")]
 
+mod attacks;
 mod bench;
 mod ci;
 mod conform;
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
         "fuzz" => fuzz::seconds().and_then(|seconds| fuzz::run(&mut steps, seconds)),
         "conform" => conform::run(&mut steps),
         "kill" => kill::run(&mut steps),
+        "attacks" => attacks::run(&mut steps),
         "faults" => faults::run(&mut steps),
         "sizing" => sizing::run(),
         "deb" => deb::build(&mut steps).map(|package| eprintln!("{}", package.display())),
@@ -88,6 +90,8 @@ usage: cargo xtask TASK
   fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all; --corpus DIR: from and to there
   kill    kill -9 the bridge and the agent at random moments of flights, and check what must not be lost; --times N,
           --side-by-side N, --seed N
+  attacks run the tests that attack with at least the counts of a hostile review: forged and replayed frames, bad signatures, floods,
+          random messages; print the table
   faults  three nodes and etcd in network namespaces: kill, cut off and slow them at random under flying vehicles, and check the
           wire; --times N, --seed N, --vehicles N, --side-by-side N, --bins DIR: with the programs of DIR; --docs: write
           docs/reference/fleet-faults.md; --plant: replay a frame, which has to be found. Needs root, ip and etcd

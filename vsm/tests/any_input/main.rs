@@ -9,6 +9,7 @@ mod seeds;
 
 use kit::Random;
 use kit::any_input::{access_list, config, frame, ftp, route_file, session, web_frame};
+use kit::attacks;
 
 /// What is tried: its name, what it does with bytes, and the bytes that it begins with.
 type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
@@ -25,10 +26,10 @@ const TARGETS: [Target; 7] = [
 
 #[test]
 fn every_target_holds_on_its_seeds_and_their_mutations() {
-    let mutations: usize = std::env::var("VSM_MUTATIONS")
+    let mutations: u64 = std::env::var("VSM_MUTATIONS")
         .ok()
         .and_then(|text| text.parse().ok())
-        .unwrap_or(1_000);
+        .unwrap_or_else(|| attacks::times(1_000, 12_000));
     for (name, run, seeds) in TARGETS {
         let seeds = seeds();
         assert!(!seeds.is_empty(), "{name} has no seeds");
@@ -44,6 +45,8 @@ fn every_target_holds_on_its_seeds_and_their_mutations() {
             run(&bytes);
         }
     }
+    let held = "at each of seven targets: no panic, and what goes out is well formed, bounded, and to who may have it";
+    attacks::report(attacks::MESSAGES, mutations, held);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use kit::attacks;
 use mavlink_link::clock::{Origin, WallState};
 use mavlink_link::frame::INCOMPAT_SIGNED;
 use mavlink_link::link::{Alert, Endpoint, Event, Link, LinkConfig, Security};
@@ -128,10 +129,13 @@ fn pitfall_13_a_forgers_stamp_is_not_kept() {
         key: other_key(),
         ..Vehicle::new(vehicle.stamp)
     };
-    for n in 1..100 {
-        let frame = forger.send_stamped(&heartbeat(), vehicle.stamp.plus(Duration::from_secs(n)));
+    let count = attacks::times(99, 6_700_000);
+    for n in 0..count {
+        let ahead = Duration::from_secs(1 + n % 99);
+        let frame = forger.send_stamped(&heartbeat(), vehicle.stamp.plus(ahead));
         assert!(station.receive(at(10), STRANGER, &frame).is_empty());
     }
+    assert_eq!(station.link.stats().bad_signature, count);
     assert_eq!(
         station.receive(at(11), VEHICLE, &vehicle.heartbeat()).len(),
         1
@@ -142,6 +146,11 @@ fn pitfall_13_a_forgers_stamp_is_not_kept() {
         .filter(|event| *event == Event::Alert(Alert::BadSignatures))
         .count();
     assert_eq!(alerts, 1);
+    attacks::report(
+        attacks::SIGNATURES,
+        count,
+        "nothing delivered, one alert; the vehicle's next frame is",
+    );
 }
 
 #[test]
