@@ -1,5 +1,8 @@
 //! `cargo xtask ci`: what must hold before anything is merged.
 
+use std::fs;
+use std::path::PathBuf;
+
 use anyhow::Result;
 
 use crate::bench;
@@ -25,15 +28,7 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
     )?;
     let doc = ["doc", "--workspace", "--no-deps", "--locked"];
     steps.run(cargo(doc).env("RUSTDOCFLAGS", "-D warnings"))?;
-    if is_there(&mut cargo(["deny", "--version"])) {
-        steps.run(&mut cargo(["--locked", "deny", "check"]))?;
-    } else {
-        steps.leave_out(
-            "cargo-deny is not installed: licences and sources are checked here, \
-             advisories, bans and yanked versions are NOT",
-        );
-        steps.step("licences and sources of all dependencies", licences::check)?;
-    }
+    deny(steps)?;
     steps.step("every declared dependency is used", dependencies::check)?;
     steps.step("no modules use each other in a cycle", metrics::check)?;
     publish(steps)?;
@@ -49,6 +44,61 @@ pub(crate) fn run(steps: &mut Steps) -> Result<()> {
         Ok(())
     })?;
     fuzz::run(steps, fuzz::A_MINUTE)
+}
+
+/// Licences, sources, bans and advisories of all dependencies, as far as cargo-deny and its database are there.
+fn deny(steps: &mut Steps) -> Result<()> {
+    if !is_there(&mut cargo(["deny", "--version"])) {
+        steps.leave_out(
+            "cargo-deny is not installed: licences and sources are checked here, \
+             advisories, bans and yanked versions are NOT",
+        );
+        return steps.step("licences and sources of all dependencies", licences::check);
+    }
+    let deny = ["--locked", "deny", "check", "bans", "licenses", "sources"];
+    steps.run(&mut cargo(deny))?;
+    let fetched = steps.step("the newest advisories", || {
+        Ok(is_there(&mut cargo(["deny", "fetch", "db"])))
+    })?;
+    let (check, remark) = advisories(fetched, has_copy());
+    if let Some(remark) = remark {
+        steps.leave_out(remark);
+    }
+    if let Some(arguments) = check {
+        let check = ["--locked", "deny", "check"];
+        steps.run(cargo(check).args(arguments))?;
+    }
+    Ok(())
+}
+
+/// The arguments by which advisories can be checked, and what that leaves out: without a network a copy of the database serves.
+fn advisories(
+    fetched: bool,
+    copy: bool,
+) -> (Option<&'static [&'static str]>, Option<&'static str>) {
+    match (fetched, copy) {
+        (true, _) => (Some(&["advisories"]), None),
+        (false, true) => (
+            Some(&["--disable-fetch", "advisories"]),
+            Some(
+                "the advisory database cannot be fetched: advisories newer than its copy here are NOT checked",
+            ),
+        ),
+        (false, false) => (
+            None,
+            Some(
+                "the advisory database cannot be fetched, and no copy is here: advisories and yanked versions are NOT checked",
+            ),
+        ),
+    }
+}
+
+/// Whether cargo-deny has fetched its database before: deny.toml leaves it where it is by default.
+fn has_copy() -> bool {
+    let home = std::env::home_dir().map(|home| home.join(".cargo"));
+    let cargo = std::env::var_os("CARGO_HOME").map(PathBuf::from).or(home);
+    let copies = cargo.and_then(|cargo| fs::read_dir(cargo.join("advisory-dbs")).ok());
+    copies.is_some_and(|mut copies| copies.next().is_some())
 }
 
 /// Packs the crates that are meant to be published, and builds each from its package alone.
@@ -74,3 +124,19 @@ const DENY: [&str; 3] = ["--", "-D", "warnings"];
 
 /// The workspace of the fuzz targets.
 const FUZZ: [&str; 2] = ["--manifest-path", "tests/fuzz/Cargo.toml"];
+
+#[cfg(test)]
+mod what_is_checked {
+    use super::*;
+
+    #[test]
+    fn advisories_are_checked_by_what_is_there_and_the_rest_is_reported() {
+        assert_eq!(advisories(true, false), (Some(&["advisories"][..]), None));
+        let (check, remark) = advisories(false, true);
+        assert_eq!(check, Some(&["--disable-fetch", "advisories"][..]));
+        assert!(remark.is_some_and(|remark| remark.contains("newer")));
+        let (check, remark) = advisories(false, false);
+        assert_eq!(check, None);
+        assert!(remark.is_some_and(|remark| remark.contains("NOT checked")));
+    }
+}
