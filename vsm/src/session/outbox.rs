@@ -114,8 +114,11 @@ struct WallTime {
 impl WallTime {
     fn read(&mut self, now: Now) -> Duration {
         let Some(believed) = self.believed else {
-            self.believed = Some(now);
-            return now.wall;
+            // Before 2000 there are no stamps. They would all be the first one, and no challenge would ever grow old enough to
+            // be answered: on a computer that starts in 1970 they run on from their beginning.
+            let wall = now.wall.max(EARLIEST);
+            self.believed = Some(Now { wall, ..now });
+            return wall;
         };
         let carried = believed
             .wall
@@ -207,6 +210,11 @@ impl Outbox {
             self.time = WallTime::default();
         }
         self.time.read(now);
+    }
+
+    /// The time by which messages are stamped now.
+    pub(crate) fn time(&mut self, now: Now) -> Duration {
+        self.time.read(now)
     }
 
     /// The stamp of a message made now: later than every one before.
@@ -461,7 +469,8 @@ impl Outbox {
 /// Source, destination and type of a report.
 pub(crate) type Series = (Id, Id, u16);
 
-/// A time since 1970 as stamps count it, before they roll over: none is before 2000.
+/// A time since 1970 as stamps count it, before they roll over: none is before 2000, nor what was measured just before
+/// [`EARLIEST`].
 fn stamp_ms(wall: Duration) -> u64 {
     u64::try_from(wall.as_millis())
         .unwrap_or(u64::MAX / 2)
@@ -478,6 +487,9 @@ const MAX_HELD: usize = 256;
 const MAX_SHOWN: usize = 65_536;
 /// Alerts whose acknowledgement is still understood.
 const MAX_ALERTS: usize = 1_024;
+/// The earliest time that is stamped: a little after 2000-01-01, so that the stamps of challenges, which are some seconds old, are none
+/// of 2034.
+const EARLIEST: Duration = Duration::from_millis(TimeStamp::EPOCH_UNIX_MS + 60_000);
 /// A change of the wall clock against monotonic time that is no step.
 const SMALL_STEP: Duration = Duration::from_secs(1);
 /// How long a step forward must last before the stamps follow it.
@@ -702,5 +714,21 @@ mod tests {
         assert_eq!(back, (0..20).collect::<Vec<_>>());
         // Small corrections are followed at once.
         assert_eq!(stamps([0, 1, 1]), [0, 2, 3]);
+    }
+
+    #[test]
+    fn before_2000_stamps_run_on_from_there_until_the_wall_clock_is_set() {
+        let at = |mono: u64, wall: Duration| Now {
+            mono: Duration::from_secs(mono),
+            wall: wall + Duration::from_secs(mono),
+        };
+        let unset = Duration::ZERO;
+        let mut outbox = Outbox::default();
+        outbox.watch_time(at(1, unset));
+        let first = outbox.stamp(at(1, unset));
+        assert_eq!(outbox.stamp(at(61, unset)).0 - first.0, 60_000);
+        outbox.stamp(at(62, WALL));
+        let ms = u64::try_from(WALL.as_millis()).unwrap();
+        assert_eq!(outbox.stamp(at(73, WALL)).unix_ms(), ms + 73_000);
     }
 }

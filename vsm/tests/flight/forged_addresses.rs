@@ -8,6 +8,7 @@
 use std::net::SocketAddr;
 
 use kit::bridge::{Rig, Setup, Station, VSM, cucs, orders, station_address, vehicle_id};
+use kit::clock::START;
 use stanag_msgs::enums::{
     AckType, ConfigRequestType, FlightPathControlMode as Mode, LoiBitmap, MissionPlanMode,
     MissionTransferStatus, RequestedAccess,
@@ -619,6 +620,35 @@ fn status_ends_with_the_lease_and_who_only_listens_keeps_it() {
     rig.send_once(Heartbeat::default());
     rig.run(2.0);
     assert!(sent_to(&rig, address) > before + 500);
+}
+
+/// What the status says of how station 0 has proved its address.
+fn proof(rig: &Rig) -> &'static str {
+    let bridge = rig.bridge.as_ref().expect("it runs");
+    bridge.status(String::new(), rig.now().mono).stations[0].proof
+}
+
+/// This computer starts in 1970, or its clock is set back by ten years three times in flight: stations prove where they are all the
+/// same, and none loses what it has proved.
+#[test]
+fn a_wall_clock_before_2000_keeps_nobody_from_a_proof() {
+    const TEN_YEARS_S: f64 = 10.0 * 365.25 * 86_400.0;
+    let mut rig = Rig::new(Setup::default());
+    rig.clock.set_wall_step(100.0 - START.as_secs_f64());
+    rig.restart_bridge();
+    rig.stations[0].heartbeats = true;
+    rig.run(5.0);
+    assert_eq!(proof(&rig), "answered");
+
+    let mut rig = Rig::ready();
+    for steps in 1..=3 {
+        rig.clock.set_wall_step(-TEN_YEARS_S * f64::from(steps));
+        // A proof that is not renewed lasts for two leases.
+        rig.run(130.0);
+        assert_eq!(proof(&rig), "answered", "{steps} steps back");
+    }
+    let last = rig.station().received.last().expect("status").0;
+    assert!((rig.clock.elapsed() - last).as_secs_f64() < 1.0);
 }
 
 /// Heartbeats in the name of a station that left keep nothing going to where it was.

@@ -69,7 +69,8 @@ impl Bridge {
         }
         let mut taken = arrival != Arrival::Unproven;
         if let Some(stamp) = arriving.answer.filter(|_| !copied) {
-            match self.paths.answered(now, index, from, stamp) {
+            let stamped = self.stamped(now);
+            match self.paths.answered(stamped, index, from, stamp) {
                 Proof::None => {}
                 Proof::Round => self.ask(now, index, from, true),
                 Proof::Proven { moved } => {
@@ -149,7 +150,8 @@ impl Bridge {
         if self.outbox.is_paused() {
             return;
         }
-        let Some(stamp) = self.paths.ask(now, index, address, again) else {
+        let stamped = self.stamped(now);
+        let Some(stamp) = self.paths.ask(stamped, index, address, again) else {
             return;
         };
         let message = Message::from(Heartbeat {
@@ -178,6 +180,12 @@ impl Bridge {
             }
             self.outbox.push(datagram);
         }
+    }
+
+    /// Now by the clock of stamps: a challenge made before a step of the wall clock is answered after it.
+    fn stamped(&mut self, now: Now) -> Now {
+        let wall = self.outbox.time(now);
+        Now { wall, ..now }
     }
 
     /// Sends messages that have waited for credit.

@@ -9,6 +9,7 @@ use stanag_msgs::TimeStamp;
 
 use super::rate::Kind;
 use super::{FIRST_PAUSE, Path, Paths, Station};
+use crate::session::dates::wall_ms;
 use crate::session::limits::Limits;
 
 /// The result of a 17000 for a heartbeat of ours.
@@ -29,7 +30,8 @@ impl Paths {
     }
 
     /// The stamp of the heartbeat that challenges this address, if a challenge is due and there is credit for it. `again`:
-    /// an answer has just come, so the next challenge follows at once.
+    /// an answer has just come, so the next challenge follows at once. `now.wall` is the time of stamps
+    /// ([`Outbox::time`](crate::session::outbox::Outbox::time)), here and in [`Paths::answered`].
     pub(crate) fn ask(
         &mut self,
         now: Now,
@@ -82,7 +84,7 @@ impl Paths {
             None if self.unproven.take(now.mono, address, Kind::Answer) => 0,
             None => return None,
         };
-        let slot = slot(now.wall).saturating_sub(1);
+        let slot = slot(now.wall).wrapping_sub(1) % SLOTS;
         Some(TimeStamp(
             slot << BITS | self.cookie(index, address, round, slot),
         ))
@@ -103,8 +105,8 @@ impl Paths {
         else {
             return Proof::None;
         };
-        let (made, today) = (stamp.0 >> BITS, slot(now.wall));
-        let recent = (1..=MAX_AGE).any(|age| made + age == today);
+        let made = stamp.0 >> BITS;
+        let recent = (1..=MAX_AGE).contains(&(slot(now.wall).wrapping_sub(made) % SLOTS));
         let is_of = |round| recent && stamp.0 & MASK == self.cookie(index, from, round, made);
         let right = is_of(round);
         // An answer to an earlier round is a duplicate by the network, not a guess.
@@ -211,15 +213,15 @@ pub(crate) fn question_bytes(ed25: bool) -> usize {
     }
 }
 
-/// The part of a stamp above its unpredictable bits, ms since 2000.
+/// The part of a stamp above its unpredictable bits. It rolls over with the stamps, so the age of one is counted modulo [`SLOTS`].
 fn slot(wall: Duration) -> u64 {
-    let ms = u64::try_from(wall.as_millis()).unwrap_or(u64::MAX);
-    TimeStamp::from_unix_ms(ms).0 >> BITS
+    TimeStamp::from_unix_ms(wall_ms(wall)).0 >> BITS
 }
 
 /// Unpredictable bits of a stamp: they put it up to 4.1 s into the past, an error that any clock may have.
 const BITS: u32 = 11;
 const MASK: u64 = (1 << BITS) - 1;
+const SLOTS: u64 = TimeStamp::PERIOD_MS >> BITS;
 /// Maximum age of an answer, in slots of 2 s.
 const MAX_AGE: u64 = 4;
 /// Number of answers in a row that prove an address, each a round trip.

@@ -4,7 +4,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use mavlink_link::Now;
-use stanag_msgs::Id;
+use stanag_msgs::{Id, TimeStamp};
 
 use super::*;
 use crate::session::outbox::Destination;
@@ -21,13 +21,18 @@ const FROM: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOS
 /// How often it has to send until it has proved its address, each time 4 s later, where the datagram of this number is lost:
 /// questions and answers are counted in their order.
 fn sends(ed25: bool, bytes: usize, lost: usize) -> usize {
+    sends_at(Duration::from_secs(1_795_219_200), ed25, bytes, lost)
+}
+
+/// The same while the time of stamps is this.
+fn sends_at(wall: Duration, ed25: bool, bytes: usize, lost: usize) -> usize {
     let mut paths = Paths::new(LIMITS, [None].into_iter());
     paths.set_edition(0, ed25);
     // 17000, and #1400.
     let answer = if ed25 { 78 } else { 34 };
     let mut now = Now {
         mono: Duration::from_secs(100),
-        wall: Duration::from_secs(1_795_219_200),
+        wall,
     };
     let mut passed = 0;
     let mut arrives = || {
@@ -60,6 +65,22 @@ fn sends(ed25: bool, bytes: usize, lost: usize) -> usize {
         }
     }
     usize::MAX
+}
+
+/// At the moment in which stamps begin again at 0, on 2034-11-03, and while they stand still there, as the stamps of 1970 do.
+#[test]
+fn an_address_is_proven_at_any_time() {
+    let roll_over = Duration::from_millis(TimeStamp::EPOCH_UNIX_MS + TimeStamp::PERIOD_MS);
+    for wall in [
+        Duration::from_secs(100),
+        roll_over.saturating_sub(Duration::from_millis(300)),
+        roll_over,
+    ] {
+        for lost in 0..7 {
+            let sends = sends_at(wall, false, 23, lost);
+            assert_eq!(sends, 1, "at {wall:?}, the {lost}th is lost");
+        }
+    }
 }
 
 #[test]
