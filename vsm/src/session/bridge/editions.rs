@@ -394,13 +394,8 @@ impl Bridge {
                 return Some(datagram);
             };
             let station = &mut self.stations[index];
-            // An address in a different edition than the station's is challenged in its own edition: it could not answer
-            // otherwise.
-            let ed25 = match is_question(&datagram) {
-                true => self.paths.asks_in_ed25(index),
-                false => station.speaks_ed25(),
-            };
-            if !ed25 {
+            // A question is in the edition of the address that it is for (`reach`), which could not answer it in the station's.
+            if !station.speaks_ed25() || is_question(&datagram) {
                 return Some(datagram);
             }
             let readings = &station.profile.readings;
@@ -426,14 +421,8 @@ impl Bridge {
             }
             station.translator.keep_time(self.outbox.last_stamp_ms());
             let translated = station.translator.outbound(&envelope, of, &message);
-            let question = matches!(message, Message::Heartbeat(_)) && envelope.ack_requested;
-            let charged = if question {
-                self.paths.question_bytes(index)
-            } else {
-                self.paths.bytes_of(index, &datagram)
-            };
+            let charged = self.paths.bytes_of(index, &datagram);
             let bytes = translated.iter().map(Vec::len).sum();
-            debug_assert!(!question || bytes <= charged, "a question of {bytes} bytes");
             if !self.paths.settle(index, datagram.to, charged, bytes) {
                 self.counters.count("unproven address");
                 continue;

@@ -322,13 +322,14 @@ impl Bridge {
             else {
                 continue;
             };
+            station.restore(now, &known.shown);
             // The address of a web client is its connection.
             if let Some(peer) = known.peer.filter(|_| !station.config.web) {
-                self.paths.restore(now, index, peer, known.proven);
+                let at = (peer, station.speaks_ed25());
+                self.paths.restore(now, index, at, known.proven);
                 station.peer = self.paths.peer(index);
                 station.proven = self.paths.is_proven(index);
             }
-            station.restore(now, &known.shown);
             if known.sends_heartbeats {
                 station.sends_heartbeats = true;
                 // Its silence counts from this start: its messages while the VSM was down are unknown.

@@ -12,6 +12,7 @@ use stanag_msgs::{Message, TimeStamp, ed25};
 use super::{Bridge, PAUSED};
 use crate::session::authority::Input;
 use crate::session::authority::rules::CONTROL;
+use crate::session::dates::wall_ms;
 use crate::session::log::LogLevel;
 use crate::session::outbox::{Destination, Outbox};
 use crate::session::paths::{Arrival, Kind, Proof, question_bytes};
@@ -58,10 +59,8 @@ impl Bridge {
                         .intersects(commands)
                 })
         };
-        let bytes = arriving.bytes.len();
-        // Before any rate limit is charged: it is answered in the edition in which it arrived.
-        self.paths.set_edition(index, arriving.ed25);
-        let arrival = self.paths.arrived(now.mono, index, from, bytes, controls);
+        let (came, at) = ((arriving.bytes.len(), arriving.ed25), (from, arriving.ed25));
+        let arrival = self.paths.arrived(now.mono, index, from, came, controls);
         match arrival {
             Arrival::Moved => self.moved(now, index, disk),
             Arrival::Current => self.forget_cut_off(index),
@@ -72,7 +71,7 @@ impl Bridge {
             let stamped = self.stamped(now);
             match self.paths.answered(stamped, index, from, stamp) {
                 Proof::None => {}
-                Proof::Round => self.ask(now, index, from, true),
+                Proof::Round => self.ask(now, index, at, true),
                 Proof::Proven { moved } => {
                     if moved {
                         self.moved(now, index, disk);
@@ -85,7 +84,7 @@ impl Bridge {
                 }
             }
         }
-        self.ask(now, index, from, false);
+        self.ask(now, index, at, false);
         self.send_waiting(now, index);
         if !taken && !arriving.acknowledges {
             let key = self.stations[index].sealed_under;
@@ -137,15 +136,16 @@ impl Bridge {
             }
             self.note_path(index);
             let listed = !self.stations[index].removed;
-            if let Some(address) = self.paths.due_to_ask(now.mono, index).filter(|_| listed) {
-                self.ask(now, index, address, false);
+            if let Some(at) = self.paths.due_to_ask(now.mono, index).filter(|_| listed) {
+                self.ask(now, index, at, false);
             }
             self.send_waiting(now, index);
         }
     }
 
-    /// Challenges an address if that is due.
-    fn ask(&mut self, now: Now, index: usize, address: SocketAddr, again: bool) {
+    /// Challenges an address if that is due, in Edition 2.5 where what came from there was of that: the station itself may speak
+    /// another one, if it has come back there with another program, or if somebody uses its name.
+    fn ask(&mut self, now: Now, index: usize, (address, ed25): (SocketAddr, bool), again: bool) {
         // A challenge that is not sent must not count as one that was not answered.
         if self.outbox.is_paused() {
             return;
@@ -157,7 +157,7 @@ impl Bridge {
         let message = Message::from(Heartbeat {
             time_stamp: Some(stamp),
         });
-        let station = &self.stations[index];
+        let station = &mut self.stations[index];
         let envelope = station.profile.envelope(self.vsm, station.id());
         // A station with group delivery may only receive the group: its answers prove that.
         let to = if station.profile.delivery.to_address() {
@@ -166,20 +166,24 @@ impl Bridge {
             Destination::Multicast
         };
         let envelope = envelope.requesting_ack();
-        if let Some(datagram) = Outbox::compose(to, &station.profile, &envelope, &message) {
-            debug_assert!(
-                datagram.bytes().len() <= question_bytes(false),
-                "a longer heartbeat"
-            );
-            // Anyone who writes the id of a station makes the VSM send a challenge there.
-            let cost = self.paths.question_bytes(index);
-            if to == Destination::Multicast
-                && !(self.paths).admit_to_group(now.mono, index, cost, Kind::Answer)
-            {
-                return self.counters.count("group over the rate");
-            }
-            self.outbox.push(datagram);
+        let mut question = Outbox::compose(to, &station.profile, &envelope, &message);
+        if ed25 {
+            let translator = &mut station.translator;
+            translator.keep_time(wall_ms(stamped.wall));
+            let translated = translator.outbound(&envelope, self.vsm, &message);
+            let both = question.zip(translated.first());
+            question = both.and_then(|(one, bytes)| one.translated(bytes));
         }
+        let Some(question) = question else { return };
+        let cost = question_bytes(ed25);
+        debug_assert!(question.bytes().len() <= cost, "a longer question");
+        // Anyone who writes the id of a station makes the VSM send a challenge there.
+        if to == Destination::Multicast
+            && !(self.paths).admit_to_group(now.mono, index, cost, Kind::Answer)
+        {
+            return self.counters.count("group over the rate");
+        }
+        self.outbox.push(question);
     }
 
     /// Now by the clock of stamps: a challenge made before a step of the wall clock is answered after it.

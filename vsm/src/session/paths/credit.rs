@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use stanag_msgs::ed25;
 
-use super::proof::question_bytes;
 use super::rate::Kind;
 use super::unproven::UnprovenRate;
 use super::{Path, Paths, Station};
@@ -30,12 +29,6 @@ impl Paths {
     pub(crate) fn bytes_of(&self, index: usize, datagram: &Datagram) -> usize {
         let station = self.stations.get(index);
         station.map_or(datagram.bytes().len(), |one| one.bytes_of(datagram))
-    }
-
-    /// The charged size of a challenge.
-    pub(crate) fn question_bytes(&self, index: usize) -> usize {
-        let station = self.stations.get(index);
-        question_bytes(station.is_some_and(|one| one.ed25))
     }
 
     /// Corrects a charge to the actual size. Returns false if that must not be sent to the address.
@@ -186,24 +179,13 @@ impl Station {
 
     pub(super) fn bytes_of(&self, datagram: &Datagram) -> usize {
         let bytes = datagram.bytes();
-        if self.ed25 && !ed25::is_ed25(bytes) {
+        let speaks_ed25 = self.current.as_ref().is_some_and(|path| path.ed25);
+        if speaks_ed25 && !ed25::is_ed25(bytes) {
             // The largest growth of any message; `settle` corrects it.
             bytes.len() * 9 / 5
         } else {
             bytes.len()
         }
-    }
-
-    fn acknowledgement_bytes(&self) -> usize {
-        if self.ed25 {
-            ACKNOWLEDGEMENT_BYTES * 9 / 5
-        } else {
-            ACKNOWLEDGEMENT_BYTES
-        }
-    }
-
-    pub(super) fn question_bytes(&self) -> usize {
-        question_bytes(self.ed25)
     }
 
     fn admit_to_group(&mut self, now: Duration, bytes: usize, kind: Kind, limits: &Limits) -> bool {
@@ -234,7 +216,6 @@ impl Station {
         limits: &Limits,
         unproven: &mut UnprovenRate,
     ) -> Verdict {
-        let (question, acknowledgement) = (self.question_bytes(), self.acknowledgement_bytes());
         let Some(current) = &mut self.current else {
             return Verdict::Drop("no address");
         };
@@ -265,9 +246,9 @@ impl Station {
         let overdue = kind == Kind::Acknowledgement && current.ask_at <= now;
         let asked = current.is_asked() && !overdue;
         let kept = match kind {
-            _ if asked => 2 * question,
+            _ if asked => 2 * current.question_bytes(),
             Kind::Acknowledgement => 0,
-            _ => 2 * acknowledgement,
+            _ => 2 * current.acknowledgement_bytes(),
         };
         let behind_others = behind_others && (asked || kind != Kind::Acknowledgement);
         if behind_others
@@ -288,6 +269,14 @@ impl Station {
 }
 
 impl Path {
+    fn acknowledgement_bytes(&self) -> usize {
+        if self.ed25 {
+            ACKNOWLEDGEMENT_BYTES * 9 / 5
+        } else {
+            ACKNOWLEDGEMENT_BYTES
+        }
+    }
+
     pub(super) fn credit_for(&mut self, now: Duration, bytes: usize) {
         self.seen = now;
         if self.trusted || self.proven.is_some() {

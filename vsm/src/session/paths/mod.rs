@@ -68,8 +68,6 @@ struct Station {
     candidates: Vec<Path>,
     /// It has once proved an address: it is able to, so it must while it is in control.
     answers: bool,
-    /// It is sent messages of Edition 2.5.
-    ed25: bool,
     /// A message for it was dropped since its address was last certain.
     missed: bool,
     unicast: Rate,
@@ -85,6 +83,9 @@ struct Station {
 struct Path {
     address: SocketAddr,
     trusted: bool,
+    /// What came from it last was of Edition 2.5: it is challenged, and charged, in that edition. What comes from elsewhere in the
+    /// station's name has no part in this.
+    ed25: bool,
     /// Bytes that may still be sent without proof.
     credit: usize,
     /// The same for answers to the group.
@@ -192,21 +193,15 @@ impl Paths {
             .or_else(|| current.filter(stays).map(of_current))
     }
 
-    /// Whether the last message in a station's name was of Edition 2.5: then its address is challenged in that edition.
-    pub(crate) fn asks_in_ed25(&self, index: usize) -> bool {
-        self.stations.get(index).is_some_and(|one| one.ed25)
-    }
-
-    /// Sets the edition in which a station is sent messages.
-    pub(crate) fn set_edition(&mut self, index: usize, ed25: bool) {
-        if let Some(station) = self.stations.get_mut(index) {
-            station.ed25 = ed25;
-        }
-    }
-
-    /// After a restart: the station's address from before, if it was proven. One that was not starts again with its next
-    /// message.
-    pub(crate) fn restore(&mut self, now: Duration, index: usize, peer: SocketAddr, proven: bool) {
+    /// After a restart: the station's address from before, if it was proven, and whether it speaks Edition 2.5 there. One that was
+    /// not proven starts again with its next message.
+    pub(crate) fn restore(
+        &mut self,
+        now: Duration,
+        index: usize,
+        (peer, ed25): (SocketAddr, bool),
+        proven: bool,
+    ) {
         let lease = self.limits.lease;
         let Some(station) = self.stations.get_mut(index) else {
             return;
@@ -215,6 +210,7 @@ impl Paths {
         if station.current.is_some() || !(proven || path.trusted) {
             return;
         }
+        path.ed25 = ed25;
         path.proven = proven.then_some(now);
         path.ask_at = now + lease / 2;
         station.answers = proven;
@@ -243,13 +239,13 @@ impl Paths {
         }
     }
 
-    /// A message of `bytes` has come from an address. `controls`: the station holds LOI 3, 4 or 5.
+    /// A message of `bytes` has come from an address, of Edition 2.5 or a later one. `controls`: the station holds LOI 3, 4 or 5.
     pub(crate) fn arrived(
         &mut self,
         now: Duration,
         index: usize,
         from: SocketAddr,
-        bytes: usize,
+        (bytes, ed25): (usize, bool),
         controls: impl FnOnce() -> bool,
     ) -> Arrival {
         let lease = self.limits.lease;
@@ -263,11 +259,13 @@ impl Paths {
                 current.ask_at = now;
                 current.pause = FIRST_PAUSE;
             }
+            current.ed25 = ed25;
             current.credit_for(now, bytes);
             return Arrival::Current;
         }
         let place = station.candidate(now, from);
         if let Some(place) = place {
+            station.candidates[place].ed25 = ed25;
             station.candidates[place].credit_for(now, bytes);
         }
         let controls = controls();
@@ -427,6 +425,7 @@ impl Station {
         Path {
             address,
             trusted: self.trusted == Some(address.ip()),
+            ed25: false,
             credit: 0,
             group_credit: 0,
             proven: None,

@@ -42,7 +42,6 @@ impl Paths {
         let station = self.stations.get_mut(index)?;
         let contested = !station.candidates.is_empty();
         let answer = station.next_answer();
-        let question = station.question_bytes();
         let round = match station.find(address) {
             Some(path) => {
                 // A proven address is challenged again only if there is another one.
@@ -57,7 +56,7 @@ impl Paths {
                         path.ask_at = now.mono + FIRST_PAUSE / 4;
                         return None;
                     }
-                    let left = path.credit.checked_sub(question)?;
+                    let left = path.credit.checked_sub(path.question_bytes())?;
                     // A challenge may take the place of the answer for a moment. A CUCS that never acknowledges would
                     // receive nothing else. An answer that has to wait for the shared rate takes no place: neither would
                     // be sent, and the timer would be due again at once.
@@ -153,11 +152,12 @@ impl Paths {
         }
     }
 
-    /// The address that a timer has to challenge again.
-    pub(crate) fn due_to_ask(&self, now: Duration, index: usize) -> Option<SocketAddr> {
+    /// The address that a timer has to challenge again, and whether in Edition 2.5.
+    pub(crate) fn due_to_ask(&self, now: Duration, index: usize) -> Option<(SocketAddr, bool)> {
         let station = self.stations.get(index)?;
         let at = station.asks_at(&self.limits, now)?;
-        (at <= now).then(|| station.current.as_ref().map(|path| path.address))?
+        let current = station.current.as_ref().filter(|_| at <= now)?;
+        Some((current.address, current.ed25))
     }
 
     /// An unpredictable value, known only to its receiver.
@@ -184,7 +184,7 @@ impl Station {
         let asks = if current.trusted {
             self.movable().next().is_some()
         } else {
-            let may_answer = current.may_be_asked() && current.credit >= self.question_bytes();
+            let may_answer = current.may_be_asked() && current.credit >= current.question_bytes();
             current.proven.is_some() || may_answer
         };
         (asks && !current.has_lapsed(now, limits.lease)).then_some(current.ask_at)
@@ -192,6 +192,10 @@ impl Station {
 }
 
 impl Path {
+    pub(super) fn question_bytes(&self) -> usize {
+        question_bytes(self.ed25)
+    }
+
     /// Whether it may still answer: it has answered a round, or was not challenged twice in vain yet.
     pub(super) fn is_asked(&self) -> bool {
         self.rounds > 0 || self.pause <= 2 * FIRST_PAUSE
@@ -204,7 +208,7 @@ impl Path {
     }
 }
 
-/// The size of a challenge, by the edition of its station.
+/// The size of a challenge, by the edition of its address.
 pub(crate) fn question_bytes(ed25: bool) -> usize {
     if ed25 {
         QUESTION_ED25_BYTES

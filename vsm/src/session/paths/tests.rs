@@ -27,7 +27,6 @@ fn sends(ed25: bool, bytes: usize, lost: usize) -> usize {
 /// The same while the time of stamps is this.
 fn sends_at(wall: Duration, ed25: bool, bytes: usize, lost: usize) -> usize {
     let mut paths = Paths::new(LIMITS, [None].into_iter());
-    paths.set_edition(0, ed25);
     // 17000, and #1400.
     let answer = if ed25 { 78 } else { 34 };
     let mut now = Now {
@@ -40,7 +39,7 @@ fn sends_at(wall: Duration, ed25: bool, bytes: usize, lost: usize) -> usize {
         passed != lost + 1
     };
     for sent in 1..=3 {
-        paths.arrived(now.mono, 0, FROM, bytes, || false);
+        paths.arrived(now.mono, 0, FROM, (bytes, ed25), || false);
         let mut question = paths.ask(now, 0, FROM, false);
         // What it has asked for waits behind the proof.
         let verdict = paths.admit(now.mono, 0, 60, Kind::Acknowledgement);
@@ -50,7 +49,7 @@ fn sends_at(wall: Duration, ed25: bool, bytes: usize, lost: usize) -> usize {
                 if !arrives() || !arrives() {
                     break;
                 }
-                paths.arrived(now.mono, 0, FROM, answer, || false);
+                paths.arrived(now.mono, 0, FROM, (answer, ed25), || false);
                 match paths.answered(now, 0, FROM, stamp) {
                     Proof::Proven { .. } => return sent,
                     Proof::Round => question = paths.ask(now, 0, FROM, true),
@@ -100,6 +99,33 @@ fn a_question_of_edition_25_is_asked_again_for_a_long_message_and_for_the_next_s
     }
 }
 
+/// A station of Edition 4 that is proven, and datagrams of Edition 2.5 in its name from elsewhere.
+#[test]
+fn each_address_is_asked_and_charged_in_the_edition_of_what_came_from_there() {
+    let mut paths = Paths::new(LIMITS, [None].into_iter());
+    let other = SocketAddr::new(FROM.ip(), FROM.port() + 1);
+    let mut now = Now {
+        mono: Duration::from_secs(100),
+        wall: Duration::from_secs(1_795_219_200),
+    };
+    paths.arrived(now.mono, 0, FROM, (300, false), || true);
+    let mut question = paths.ask(now, 0, FROM, false);
+    while let Some(stamp) = question.take() {
+        if paths.answered(now, 0, FROM, stamp) == Proof::Round {
+            question = paths.ask(now, 0, FROM, true);
+        }
+    }
+    paths.arrived(now.mono, 0, other, (300, true), || true);
+    let answer = Datagram::of_ed25(Destination::Unicast(FROM), Id(0x1b00_00a0), &[0; 34]);
+    assert_eq!(paths.bytes_of(0, &answer.expect("it fits")), 34);
+    now.mono += LIMITS.lease / 2;
+    assert_eq!(paths.due_to_ask(now.mono, 0), Some((FROM, false)));
+    let left = |paths: &mut Paths| paths.stations[0].find(other).map(|path| path.credit);
+    let before = left(&mut paths).expect("it is remembered");
+    assert!(paths.ask(now, 0, other, false).is_some());
+    assert_eq!(left(&mut paths), Some(before - 128));
+}
+
 /// Forged addresses in a station's name, and the station itself: how many datagrams go to them in three seconds, and when the
 /// station has proved its own address.
 fn beside_forgeries(
@@ -124,7 +150,7 @@ fn beside_forgeries(
                 .then_some(own),
         ];
         for from in arrived.into_iter().flatten() {
-            paths.arrived(now.mono, 0, from, 40, || false);
+            paths.arrived(now.mono, 0, from, (40, false), || false);
             let mut question = paths.ask(now, 0, from, false);
             let answer = paths.admit(now.mono, 0, 34, Kind::Acknowledgement) == Verdict::Send;
             sent.extend([question.is_some(), answer].map(|one| one.then_some(now.mono)));
@@ -185,7 +211,7 @@ fn a_station_that_steers_and_acknowledges_nothing_keeps_its_answers_and_the_posi
     };
     let (mut answers, mut reports) = (0, 0);
     for _ in 0..200 {
-        paths.arrived(now.mono, 0, OWN, 90, || false);
+        paths.arrived(now.mono, 0, OWN, (90, false), || false);
         paths.ask(now, 0, OWN, false);
         let mut sends = |bytes, kind| paths.admit(now.mono, 0, bytes, kind) == Verdict::Send;
         answers += (0..2).filter(|_| sends(34, Kind::Acknowledgement)).count();
@@ -206,7 +232,7 @@ fn an_answer_that_waits_for_the_shared_rate_is_sent_without_another_message() {
         wall: Duration::from_secs(1_795_219_200),
     };
     let begun = now.mono;
-    paths.arrived(now.mono, 0, OWN, 30_000, || false);
+    paths.arrived(now.mono, 0, OWN, (30_000, false), || false);
     paths.ask(now, 0, OWN, false);
     while paths.admit(now.mono, 0, 34, Kind::Answer) == Verdict::Send {}
     let answer = Datagram::of_ed25(Destination::Unicast(OWN), Id(0x1b00_00a0), &[0; 34]);
@@ -272,10 +298,10 @@ fn a_proof_lasts_as_much_longer_as_nothing_could_be_asked() {
         mono: Duration::from_secs(100),
         wall: Duration::from_secs(1_795_219_200),
     };
-    paths.arrived(now.mono, 0, FROM, 300, || false);
+    paths.arrived(now.mono, 0, FROM, (300, false), || false);
     let mut question = paths.ask(now, 0, FROM, false);
     while let Some(stamp) = question.take() {
-        paths.arrived(now.mono, 0, FROM, 34, || false);
+        paths.arrived(now.mono, 0, FROM, (34, false), || false);
         if paths.answered(now, 0, FROM, stamp) == Proof::Round {
             question = paths.ask(now, 0, FROM, true);
         }
@@ -300,13 +326,13 @@ fn a_station_that_could_not_be_asked_is_not_called_unproven() {
     for (stopped_s, accused) in [(0, false), (30, false), (30, true)] {
         let mut paths = Paths::new(LIMITS, [None].into_iter());
         let mut now = Duration::from_secs(100);
-        paths.arrived(now, 0, FROM, 300, || false);
+        paths.arrived(now, 0, FROM, (300, false), || false);
         now += Duration::from_secs(2 + stopped_s);
         paths.extend_proofs(now, Duration::from_secs(stopped_s));
         if accused {
             now += UNPROVEN_FOR;
         }
-        paths.arrived(now, 0, FROM, 300, || false);
+        paths.arrived(now, 0, FROM, (300, false), || false);
         let unproven = paths.unproven(now, 0).map(|(at, _)| at);
         assert_eq!(unproven, accused.then_some(FROM), "{stopped_s} s");
     }
@@ -316,8 +342,8 @@ fn a_station_that_could_not_be_asked_is_not_called_unproven() {
 fn what_waits_for_a_proof_as_a_pause_begins_is_not_carried_out_behind_it() {
     let mut paths = Paths::new(LIMITS, [None].into_iter());
     let other = SocketAddr::new(FROM.ip(), FROM.port() + 1);
-    paths.arrived(Duration::from_secs(100), 0, FROM, 300, || false);
-    paths.arrived(Duration::from_secs(101), 0, other, 300, || true);
+    paths.arrived(Duration::from_secs(100), 0, FROM, (300, false), || false);
+    paths.arrived(Duration::from_secs(101), 0, other, (300, false), || true);
     assert!(paths.hold(0, other, b"land", None));
     paths.drop_held();
     paths.stations[0].adopt(0);

@@ -1,10 +1,15 @@
 //! One vehicle between a station of Edition 4 and one of Edition 2.5.
 
+use std::net::SocketAddr;
+
 use kit::bridge::{cucs, vehicle_id};
 use serde_json::json;
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
-use stanag_msgs::messages::{CucsAuthorisationRequest, PositiveHandoverAuthorisationRequest};
+use stanag_msgs::messages::{
+    CucsAuthorisationRequest, Heartbeat, PositiveHandoverAuthorisationRequest,
+};
+use vsm::session::Destination;
 
 use super::*;
 
@@ -269,6 +274,49 @@ fn a_station_that_comes_back_in_edition_4_from_elsewhere_is_asked_in_it() {
             assert!(!stanag_msgs::ed25::is_ed25(&bytes), "{bytes:02x?}");
         }
         station.take(&rig, 21);
+    }
+}
+
+/// Somebody elsewhere sends in Edition 2.5 in the name of a station of Edition 4 that only listens and acknowledges: nothing that it is
+/// sent is in that edition, and it keeps its status.
+#[test]
+fn forged_datagrams_of_edition_2_5_cost_a_station_of_edition_4_that_listens_nothing() {
+    let mut rig = Rig::ready();
+    let mut forger = StationEd25::new(cucs(0), ([127, 0, 0, 9], 41_000).into());
+    for _ in 0..150 {
+        forger.send(&mut rig, Id::BROADCAST, 1, &json!({ "VSM ID": -1 }));
+        rig.run(2.0);
+    }
+    let last = rig.station().received.last().expect("status").0;
+    let silent = rig.clock.elapsed() - last;
+    assert!(silent.as_secs_f64() < 1.0, "no status for {silent:?}");
+    rig.done(orders::launch(20.0));
+}
+
+/// A station that comes back at another port, and a forger behind it, before the VSM sends: each is asked in its own edition.
+#[test]
+fn of_two_that_claim_a_station_each_is_asked_in_its_own_edition() {
+    let mut rig = Rig::ready();
+    // Longer than it must be quiet.
+    rig.run(12.0);
+    let elsewhere: SocketAddr = ([127, 0, 0, 1], 41_777).into();
+    let beat = Message::from(Heartbeat::default());
+    let mut bytes = [0; stanag_msgs::MAX_DATAGRAM];
+    let envelope = stanag_msgs::Envelope::new(cucs(0), vehicle_id(0));
+    let length = beat.encode(&envelope, &mut bytes).expect("it fits");
+    let mut forger = StationEd25::new(cucs(0), ([127, 0, 0, 9], 41_000).into());
+    let forged = forger.datagram(&rig, Id::BROADCAST, 1, &json!({ "VSM ID": -1 }));
+    let now = rig.now();
+    let bridge = rig.bridge.as_mut().expect("it runs");
+    bridge.handle_dli(now, elsewhere, &bytes[..length], &mut rig.store);
+    bridge.handle_dli(now, forger.address, &forged, &mut rig.store);
+    let asked: Vec<_> = std::iter::from_fn(|| bridge.poll_dli())
+        .map(|one| (one.to, stanag_msgs::ed25::is_ed25(one.bytes())))
+        .collect();
+    for (address, ed25) in [(elsewhere, false), (forger.address, true)] {
+        let there = Destination::Unicast(address);
+        assert!(asked.contains(&(there, ed25)), "{address}: {asked:?}");
+        assert!(!asked.contains(&(there, !ed25)), "{address}: {asked:?}");
     }
 }
 

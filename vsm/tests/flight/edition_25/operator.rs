@@ -339,6 +339,32 @@ fn a_station_in_the_group_that_is_not_proven_yet_is_sent_its_rights_once_it_is()
     );
 }
 
+/// It has proved its address, and only listens: after a restart of the bridge it is asked again before anything has come from it.
+#[test]
+fn a_station_that_only_listens_is_asked_in_its_edition_after_a_restart() {
+    let mut rig = Rig::new(Setup {
+        tables: "[[cucs]]\nid = \"1b:00:00:b0\"\nloi = [2, 3, 4, 5]\n",
+        ..Setup::default()
+    });
+    rig.run(9.0);
+    let mut operator = Operator::new(SocketAddr::from(([127, 0, 0, 2], 41_000)));
+    let granted = operator.send(&mut rig, orders::request_control());
+    assert_eq!(granted, Delivery::CarriedOut);
+    operator.until(&mut rig, 2.0, |_, _| false);
+    rig.restart_bridge();
+    // A lease, and the two after which a proof that was not renewed ends.
+    operator.until(&mut rig, 200.0, |_, _| false);
+    let bridge = rig.bridge.as_ref().expect("it runs");
+    let status = bridge.status(String::new(), rig.now().mono);
+    let mut all = status.stations.iter();
+    let own = all.find(|one| one.id == CUCS.to_string());
+    assert_eq!(own.expect("it is listed").proof, "answered");
+    let sent = |rig: &Rig| rig.sent_to[&operator.address].0;
+    let before = sent(&rig);
+    rig.run(1.0);
+    assert!(sent(&rig) > before, "it has no status");
+}
+
 #[test]
 fn what_the_edition_cannot_say_is_not_sent() {
     let (mut rig, station) = rig();
