@@ -3,10 +3,9 @@
 //! A bucket is one moment: when it would be full again. Each message moves that by its cost; one that would move it
 //! further than [`Rate::burst`] from now is not taken. Nothing has to be counted up as time passes.
 
-use std::net::SocketAddr;
 use std::time::Duration;
 
-use super::limits::{NEWCOMERS, Rate};
+use super::limits::Rate;
 
 /// One bucket, full at first.
 #[derive(Debug, Clone, Copy, Default)]
@@ -41,57 +40,11 @@ impl Allowance {
     }
 }
 
-/// The buckets of one station, one for each address that its messages come from: its id is no secret, and who uses it
-/// from elsewhere must not use up what the station itself may send.
-#[derive(Debug, Default)]
-pub(crate) struct StationAllowance {
-    addresses: Vec<(SocketAddr, Allowance)>,
-    /// What new addresses may take the place of others.
-    newcomers: Allowance,
-}
-
-impl StationAllowance {
-    /// Takes one message. `known`: where the station is, whose bucket is never given away.
-    pub(crate) fn take(
-        &mut self,
-        now: Duration,
-        from: SocketAddr,
-        known: Option<SocketAddr>,
-        rate: Rate,
-    ) -> bool {
-        if let Some((_, bucket)) = self.addresses.iter_mut().find(|one| one.0 == from) {
-            return bucket.take(now, rate);
-        }
-        let mut bucket = Allowance::default();
-        bucket.take(now, rate);
-        if self.addresses.len() < MAX_ADDRESSES {
-            self.addresses.push((from, bucket));
-            return true;
-        }
-        // A new address for each message would be a full bucket for each message.
-        if known != Some(from) && !self.newcomers.take(now, NEWCOMERS) {
-            return false;
-        }
-        let others = self.addresses.iter_mut().filter(|one| Some(one.0) != known);
-        if let Some(idle) = others.min_by_key(|one| one.1.full_at) {
-            *idle = (from, bucket);
-        }
-        true
-    }
-}
-
-/// Addresses that one station's messages come from at a time.
-const MAX_ADDRESSES: usize = 8;
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const RATE: Rate = Rate::one_in(Duration::from_millis(10), 100);
-
-    fn address(port: u16) -> SocketAddr {
-        ([127, 0, 0, 1], port).into()
-    }
 
     #[test]
     fn a_bucket_gives_its_burst_and_then_its_rate() {
@@ -122,23 +75,5 @@ mod tests {
         let next = bucket.next_at(RATE, 1_000);
         assert!(bucket.take_all(next, RATE, 1_000));
         assert!(!bucket.take(next, RATE));
-    }
-
-    #[test]
-    fn who_sends_from_elsewhere_uses_up_nothing_of_the_station() {
-        let mut station = StationAllowance::default();
-        let own = Some(address(1));
-        let taken = |station: &mut StationAllowance, from: u16| {
-            station.take(Duration::from_secs(50), address(from), own, RATE)
-        };
-        let mut strangers = 0;
-        for round in 0..20_000_u16 {
-            strangers += u32::from(taken(&mut station, 100 + round % 4_000));
-        }
-        // A full bucket for each of the addresses that found a place, and for few more.
-        assert!(strangers < 1_000, "{strangers}");
-        assert!((0..100).all(|_| taken(&mut station, 1)));
-        assert!(!taken(&mut station, 1));
-        assert_eq!(station.addresses.len(), MAX_ADDRESSES);
     }
 }

@@ -33,14 +33,14 @@ impl Rate {
     }
 }
 
-// What one station may send, counted for each of its addresses.
+// What one station may send, counted apart for its own address and for others in its name (`paths/senders.rs`).
 
 /// Commands, which are logged each. An upload of 10,000 waypoints is slowed down, and sent again where it was cut.
 pub(crate) const COMMANDS: Rate = Rate::one_in(Duration::from_millis(1), 2_000);
 /// Queries, sticks and heartbeats, which cost no write.
 pub(crate) const QUESTIONS: Rate = Rate::one_in(Duration::from_micros(250), 8_000);
-/// New addresses of one station that may take the place of others: each brings a full bucket.
-pub(crate) const NEWCOMERS: Rate = Rate::one_in(Duration::from_millis(500), 8);
+/// The parts of all computers, each of which may send as much in a station's name as the station itself.
+pub(crate) const COMPUTERS: usize = 8;
 /// Frames of one web client, before they are verified.
 pub(crate) const WEB_FRAMES: Rate = Rate::one_in(Duration::from_millis(2), 1_000);
 
@@ -114,15 +114,19 @@ impl Limits {
     }
 }
 
-/// The parts of the rate to all unproven addresses together (`paths/unproven.rs`). With [`UNPROVEN_EACH`] and [`UNPROVEN_REST`]:
-/// with every part in use a burst of 177 datagrams, then 88 a second. What is sent within three seconds takes some 340 kB of the
+/// The parts of the rate to all unproven addresses together (`paths/unproven.rs`). With [`UNPROVEN_EACH`], [`UNPROVEN_COMPUTER`] and
+/// [`UNPROVEN_REST`]: with every part in use a burst of 193 datagrams, then 88 a second. What is sent within three seconds takes some 350 kB of the
 /// 416 kB that Linux gives a socket where `net.core.wmem_max` was not raised: it counts 768 bytes for a small datagram.
 pub(crate) const UNPROVEN_PARTS: usize = 16;
 pub(crate) const UNPROVEN_EACH: Limits = Limits {
     lease: Duration::ZERO,
     bytes_s: u32::MAX,
-    messages_s: 4,
+    messages_s: 3,
     burst: Duration::from_secs(1),
+};
+pub(crate) const UNPROVEN_COMPUTER: Limits = Limits {
+    messages_s: 1,
+    ..UNPROVEN_EACH
 };
 /// Enough for a station that never acknowledges and steers: its commands are acknowledged as received and as carried out.
 pub(crate) const UNPROVEN_REST: Limits = Limits {

@@ -131,7 +131,7 @@ pub(crate) use authority::trail::{Kind as AuditKind, MAX_LOG_BYTES, read_log};
 pub use bridge::map::{AreaMap, FenceMap, PlaceMap, RouteMap, VehicleMap, WaypointMap};
 pub use bridge::status::{LATELY, LinkStatus, Logged, StationStatus, Status, VehicleStatus};
 pub use bridge::{
-    Bridge, BridgeError, LinkEnd, PreparedForwards, Tap, WebOpened, WebWay, link_config,
+    Bridge, BridgeError, DliSender, LinkEnd, PreparedForwards, Tap, WebOpened, WebWay, link_config,
 };
 pub use counters::{ByType, Counters};
 pub use files::{FileEvent, FileRefusal};

@@ -9,13 +9,11 @@ use stanag_msgs::ed25::Version;
 use stanag_msgs::enums::LoiBitmap;
 
 use super::access::{Group, Permits, Permitted};
-use super::allowance::StationAllowance;
 use super::authority::rules::{Asker, GUARDED_RANK, Silence};
 use super::clock_offset::ClockOffset;
 use super::duplicates::Delay;
 use super::editions::Translator;
 use super::guard::GuardEnd;
-use super::limits::{COMMANDS, QUESTIONS};
 use super::station_profile::{Shown, StationProfile};
 use super::web::WebLink;
 use crate::config::{Cucs, Dli, Edition};
@@ -51,8 +49,6 @@ pub(crate) struct GroundStation {
     pub(crate) web: Option<WebLink>,
     /// What the access list allows it.
     pub(crate) permits: Permits,
-    /// What it may still send.
-    allowance: StationAllowance,
     /// Whether it spoke Edition 2.5 last, and when.
     pub(crate) spoken: Option<(bool, Duration)>,
     /// Of what it sends and is sent in Edition 2.5.
@@ -75,7 +71,6 @@ impl GroundStation {
             sealed_under: None,
             web: None,
             permits: Permits::default(),
-            allowance: StationAllowance::default(),
             spoken: None,
             translator: Translator::default(),
         }
@@ -83,17 +78,6 @@ impl GroundStation {
 
     pub(crate) fn id(&self) -> Id {
         self.config.id
-    }
-
-    /// Whether it may send one message more from this address now.
-    pub(crate) fn is_within_rate(
-        &mut self,
-        now: Duration,
-        from: SocketAddr,
-        commands: bool,
-    ) -> bool {
-        let rate = if commands { COMMANDS } else { QUESTIONS };
-        self.allowance.take(now, from, self.peer, rate)
     }
 
     /// Whether it is spoken to in Edition 2.5: as it spoke last, or as the configuration sets.

@@ -403,6 +403,63 @@ fn a_controller_that_restarts_on_another_port_is_back_within_seconds() {
     }
 }
 
+/// Lets one computer send a thousand heartbeats a second in the name of a CUCS, each from another port, until `so` is true; returns
+/// false after `limit` seconds.
+fn flood_until(rig: &mut Rig, id: Id, limit: f64, so: impl Fn(&Rig) -> bool) -> bool {
+    let beat = forged(rig, id, VSM, Heartbeat::default());
+    for tick in 0..(limit * 100.0) as u16 {
+        if so(rig) {
+            return true;
+        }
+        for port in 0..10 {
+            let from = SocketAddr::from(([127, 0, 0, 9], 2_000 + 10 * tick + port));
+            rig.deliver_from(from, &beat);
+        }
+        rig.run(0.01);
+    }
+    so(rig)
+}
+
+/// The same beside somebody on another computer who uses its name.
+#[test]
+fn a_flood_from_ever_other_ports_keeps_no_controller_out_that_restarts_on_another_port() {
+    for acknowledges in [true, false] {
+        let mut rig = Rig::new(Setup::default());
+        rig.stations[0].acknowledges = acknowledges;
+        rig.stations[0].heartbeats = true;
+        rig.run(9.0);
+        rig.done(orders::request_control());
+        rig.take_off(20.0);
+        flood_until(&mut rig, cucs(0), 2.0, |_| false);
+        let elsewhere = SocketAddr::from(([127, 0, 0, 1], 41_234));
+        let mut again = Station::new(cucs(0), elsewhere);
+        again.acknowledges = acknowledges;
+        again.heartbeats = true;
+        rig.stations[0] = again;
+        let ticket = rig.send(orders::mode(Mode::Loiter));
+        flood_until(&mut rig, cucs(0), 5.0, |rig| {
+            rig.station().end(ticket).is_some()
+        });
+        let end = rig.station().end(ticket);
+        assert_eq!(end, Some(AckType::CarriedOut), "{acknowledges}");
+    }
+}
+
+#[test]
+fn a_flood_from_ever_other_ports_keeps_no_station_out_that_comes_for_the_first_time() {
+    let mut rig = idle(1);
+    flood_until(&mut rig, cucs(0), 2.0, |_| false);
+    let ticket = rig.send(orders::request_control());
+    let is_there = |rig: &Rig| rig.station().end(ticket).is_some() && proof(rig) == "answered";
+    assert!(
+        flood_until(&mut rig, cucs(0), 5.0, is_there),
+        "{:?}, proof: {}",
+        rig.station().answers(ticket),
+        proof(&rig)
+    );
+    assert_eq!(rig.station().end(ticket), Some(AckType::CarriedOut));
+}
+
 /// A second program with the id of a CUCS, such as one that only discovers, takes its address for a moment: the first one is
 /// asked again with its next message, not half a lease later.
 #[test]

@@ -30,6 +30,7 @@ use crate::session::dates::wall_ms;
 use crate::session::duplicates::{Seen, Verdict, is_command, stamps_apart_ms};
 use crate::session::editions::{DEMAND, MadeOf};
 use crate::session::findings::dli::Fault;
+use crate::session::limits::{COMMANDS, QUESTIONS};
 use crate::session::log::LogLevel;
 use crate::session::trace::DliTrace;
 
@@ -148,7 +149,7 @@ impl Bridge {
         commands: bool,
     ) -> Option<usize> {
         let barred = match self.admit(from, header, edition) {
-            Ok(index) if !self.stations[index].is_within_rate(mono, from, commands) => {
+            Ok(index) if !self.is_within_rate(mono, from, index, commands) => {
                 self.counters.count("over the station's rate");
                 return None;
             }
@@ -161,6 +162,20 @@ impl Bridge {
         };
         self.note_barred(mono, from, header, edition, &barred);
         None
+    }
+
+    /// Whether one more message may be taken in a station's name from this address now.
+    fn is_within_rate(
+        &mut self,
+        mono: Duration,
+        from: SocketAddr,
+        index: usize,
+        commands: bool,
+    ) -> bool {
+        let rate = if commands { COMMANDS } else { QUESTIONS };
+        let (id, aircraft) = (self.stations[index].id(), &self.aircraft);
+        self.paths
+            .takes(mono, index, from, rate, || aircraft.controls(id))
     }
 
     /// A frame is dropped after its header was read.

@@ -204,6 +204,15 @@ struct Ed25 {
 /// Called with every accepted frame and the index of its vehicle, for a recording.
 pub type Tap<'a> = &'a mut dyn FnMut(usize, &FrameView<'_>);
 
+/// Who sends from an address of the DLI side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DliSender {
+    /// The station of this index, which has proved that it is there, or controls a vehicle from there.
+    Station(usize),
+    /// Anybody else, by the part of all computers that his is in.
+    Other(usize),
+}
+
 /// A bridge that cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
@@ -504,11 +513,18 @@ impl Bridge {
         self.counters.count(name);
     }
 
-    /// The index of the station that has proved to be at this address.
+    /// Who sends from this address, as far as it is known without reading what he sends.
     #[must_use]
-    pub fn proven_at(&self, address: SocketAddr) -> Option<usize> {
-        (0..self.stations.len())
-            .find(|&index| self.paths.peer(index) == Some(address) && self.paths.is_proven(index))
+    pub fn sender_at(&self, address: SocketAddr) -> DliSender {
+        let mut stations = self.stations.iter().enumerate();
+        let station = stations.find(|(index, station)| {
+            self.paths.peer(*index) == Some(address)
+                && (self.paths.is_proven(*index) || self.aircraft.controls(station.id()))
+        });
+        match station {
+            Some((index, _)) => DliSender::Station(index),
+            None => DliSender::Other(self.paths.computer(address)),
+        }
     }
 
     /// The next datagram for the DLI side.

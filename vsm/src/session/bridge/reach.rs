@@ -4,14 +4,12 @@ use std::net::SocketAddr;
 
 use mavlink_link::Now;
 use mavlink_link::store::Disk;
-use stanag_msgs::enums::LoiBitmap;
 use stanag_msgs::messages::{Heartbeat, MessageAcknowledgement};
 use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Message, TimeStamp, ed25};
 
 use super::{Bridge, PAUSED};
 use crate::session::authority::Input;
-use crate::session::authority::rules::CONTROL;
 use crate::session::dates::wall_ms;
 use crate::session::log::LogLevel;
 use crate::session::outbox::{Destination, Outbox};
@@ -41,24 +39,13 @@ impl Bridge {
     ) -> bool {
         let id = self.stations[index].id();
         let aircraft = &self.aircraft;
-        let commands = LoiBitmap::LOI3.union(CONTROL);
         // An attacker may send copies of sealed datagrams from elsewhere, faster than the originals: while the guard is
         // received at its address, no other computer can replace it, even if it relays our challenges.
         let peer = self.paths.peer(index);
         let copied = self.handled.guarded.is_some()
             && peer.is_some_and(|peer| peer.ip() != from.ip())
             && !self.paths.is_quiet(now.mono, index);
-        let controls = || {
-            let mut all = aircraft.iter();
-            copied
-                || all.any(|one| {
-                    one.authority
-                        .rights()
-                        .held(id)
-                        .levels()
-                        .intersects(commands)
-                })
-        };
+        let controls = || copied || aircraft.controls(id);
         let (came, at) = ((arriving.bytes.len(), arriving.ed25), (from, arriving.ed25));
         let arrival = self.paths.arrived(now.mono, index, from, came, controls);
         match arrival {

@@ -1,6 +1,7 @@
 //! The address of each CUCS, and what may be sent there before it has proved that it receives there. This file is the table
 //! of addresses: where a station is sent to, where else it claims to be, and when it moves. `proof` challenges an address;
-//! `credit` decides how much may be sent, by a `rate` for proven addresses and one that all unproven ones share (`unproven`).
+//! `credit` decides how much may be sent, by a `rate` for proven addresses and one that all unproven ones share (`unproven`); `senders`
+//! how much is taken, from whom.
 //!
 //! Anyone can write any source address into a datagram. Without proof the VSM would be a reflector (23 bytes of 40000 are
 //! answered by 21 kB), and one datagram in the controller's name would send its status, and its aircraft, elsewhere. The
@@ -26,10 +27,12 @@
 mod credit;
 mod proof;
 mod rate;
+mod senders;
 #[cfg(test)]
 mod tests;
 mod unproven;
 
+use std::cmp::Reverse;
 use std::collections::VecDeque;
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
@@ -40,6 +43,7 @@ pub(crate) use self::credit::Verdict;
 pub(crate) use self::proof::{Proof, question_bytes};
 pub(crate) use self::rate::Kind;
 use self::rate::Rate;
+use self::senders::Senders;
 use self::unproven::UnprovenRate;
 use super::limits::Limits;
 use super::outbox::Datagram;
@@ -70,6 +74,7 @@ struct Station {
     answers: bool,
     /// A message for it was dropped since its address was last certain.
     missed: bool,
+    senders: Senders,
     unicast: Rate,
     group: Rate,
     /// Answers that wait for credit, and until when.
@@ -384,7 +389,10 @@ impl Paths {
         if station.moves_at().is_none_or(|at| at > now) {
             return false;
         }
-        let newest = station.movable().max_by_key(|(_, path)| path.seen);
+        // A station that restarts mostly does so on its computer: what comes from others in its name moves it only if nothing else does.
+        let here = station.current.as_ref().map(|path| path.address.ip());
+        let rank = |path: &Path| (Some(path.address.ip()) == here, path.seen);
+        let newest = station.movable().max_by_key(|(_, path)| rank(path));
         let Some(place) = newest.map(|(place, _)| place) else {
             return false;
         };
@@ -462,18 +470,24 @@ impl Station {
         Some(self.candidates.len() - 1)
     }
 
-    /// Makes room in a full table: removes the candidate that has answered at most `rounds` and was seen longest ago. A
-    /// station that has answered once has received something, and invented addresses must not displace it.
+    /// Makes room in a full table: removes a candidate that has answered at most `rounds`. A station that has answered once has
+    /// received something, and invented addresses must not displace it. Of the others one goes of the computer that has most of
+    /// them: all ports of one computer displace no address of another. Of those, the one that was seen longest ago.
     fn make_room(&mut self, rounds: u8) {
         if self.candidates.len() < MAX_CANDIDATES {
             return;
         }
+        let ports = |path: &Path| {
+            let is_of_it = |one: &&Path| one.address.ip() == path.address.ip();
+            self.candidates.iter().filter(is_of_it).count()
+        };
         let unproven = self
             .candidates
             .iter()
             .enumerate()
             .filter(|(_, path)| path.rounds <= rounds);
-        let oldest = unproven.min_by_key(|(_, path)| (path.rounds, path.seen));
+        let oldest =
+            unproven.min_by_key(|(_, path)| (path.rounds, Reverse(ports(path)), path.seen));
         if let Some(place) = oldest.map(|(place, _)| place) {
             self.candidates.swap_remove(place);
         }
@@ -483,7 +497,9 @@ impl Station {
     fn adopt(&mut self, place: usize) {
         let new = self.candidates.swap_remove(place);
         if let Some(mut old) = self.current.replace(new) {
-            (old.proven, old.rounds) = (None, 0);
+            // It keeps the rounds that it has answered: else whoever uses its name faster than it can answer would have it begin again
+            // each time.
+            old.proven = None;
             // It is challenged with the next message from there. The next challenge of a proven address is half a lease
             // away; until then a station that returns, or a second program with its id, would be held back without a
             // challenge.

@@ -349,3 +349,52 @@ fn what_waits_for_a_proof_as_a_pause_begins_is_not_carried_out_behind_it() {
     paths.stations[0].adopt(0);
     assert!(paths.take_held(0).is_empty());
 }
+
+#[test]
+fn all_ports_of_one_computer_displace_no_address_of_another() {
+    let mut paths = Paths::new(LIMITS, [None].into_iter());
+    let newcomer = SocketAddr::from(([10, 9, 0, 8], 40_000));
+    let now = Duration::from_secs(100);
+    paths.arrived(now, 0, FROM, (300, false), || true);
+    paths.arrived(now, 0, newcomer, (300, false), || true);
+    assert!(paths.hold(0, newcomer, b"land", None));
+    for port in 1..2_000 {
+        let now = now + Duration::from_millis(u64::from(port));
+        let flood = SocketAddr::from(([10, 9, 0, 9], port));
+        paths.arrived(now, 0, flood, (40, false), || true);
+    }
+    let kept = paths.stations[0].find(newcomer).map(|path| path.held.len());
+    assert_eq!(kept, Some(1));
+    assert_eq!(paths.stations[0].candidates.len(), MAX_CANDIDATES);
+}
+
+/// Between each question and its answer somebody else, who has no less of a claim, is taken for the station.
+#[test]
+fn a_station_is_proven_though_others_use_its_name_faster_than_it_answers() {
+    let mut paths = Paths::new(LIMITS, [None].into_iter());
+    let now = Now {
+        mono: Duration::from_secs(100),
+        wall: Duration::from_secs(1_795_219_200),
+    };
+    paths.arrived(now.mono, 0, FROM, (300, false), || false);
+    let mut question = paths.ask(now, 0, FROM, false);
+    for port in 1.. {
+        let other = SocketAddr::from(([10, 9, 0, 9], port));
+        let arrival = paths.arrived(now.mono, 0, other, (40, false), || false);
+        assert_eq!(arrival, Arrival::Moved);
+        paths.arrived(now.mono, 0, FROM, (34, false), || false);
+        let stamp = question.take().expect("it is asked");
+        match paths.answered(now, 0, FROM, stamp) {
+            Proof::Round => question = paths.ask(now, 0, FROM, true),
+            proof => {
+                assert!(
+                    matches!(proof, Proof::Proven { .. }),
+                    "answer {port}: {proof:?}"
+                );
+                break;
+            }
+        }
+    }
+    let arrival = paths.arrived(now.mono, 0, OWN, (40, false), || false);
+    assert_eq!(arrival, Arrival::Unproven);
+}

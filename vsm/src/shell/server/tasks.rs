@@ -74,8 +74,8 @@ pub(super) async fn receive_dli(
                     break;
                 };
                 let bridge = &mut shared.core.borrow_mut().bridge;
-                let station = bridge.proven_at(from);
-                if !inbox.push(station, from, bytes.get(..length).unwrap_or_default()) {
+                let sender = bridge.sender_at(from);
+                if !inbox.push(sender, from, bytes.get(..length).unwrap_or_default()) {
                     bridge.count_dropped("more than is handled in time");
                 }
             }

@@ -1,0 +1,131 @@
+//! How many messages are taken in a station's name, by where they come from.
+//!
+//! The id of a station is no secret. Whoever uses it from elsewhere must neither use up what the station itself may send, nor keep it out
+//! where it comes from another port, or for the first time:
+//!
+//! - Where it is, if it has proved that or controls a vehicle from there, it has a bucket of its own.
+//! - Addresses that have answered a question share another one: whoever invents addresses receives no questions.
+//! - All others share those of [`COMPUTERS`]: a keyed hash of the IP address chooses one. The computer on which the station is has one
+//!   more, since a station that restarts mostly comes from there. So whoever sends from one computer, from however many ports, keeps
+//!   nobody out on another, unless the two share a part.
+//!
+//! Beside somebody who sends from the same computer, or invents addresses, a message of a newcomer has the chance of each of theirs: nobody
+//! can know which of them is the station's. One in time is enough, where it answers the question that follows.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use super::Paths;
+use super::unproven::part_of;
+use crate::session::allowance::Allowance;
+use crate::session::limits::{COMPUTERS, Rate};
+
+/// The buckets of one station.
+#[derive(Debug, Default)]
+pub(super) struct Senders {
+    own: Allowance,
+    answering: Allowance,
+    /// The last one is that of the computer on which the station is.
+    newcomers: [Allowance; COMPUTERS + 1],
+}
+
+impl Paths {
+    /// Takes a message in a station's name out of the bucket of where it came from; false where that is empty. `controls`: the
+    /// station holds LOI 3, 4 or 5.
+    pub(crate) fn takes(
+        &mut self,
+        now: Duration,
+        index: usize,
+        from: SocketAddr,
+        rate: Rate,
+        controls: impl FnOnce() -> bool,
+    ) -> bool {
+        let Some(station) = self.stations.get_mut(index) else {
+            return true;
+        };
+        let current = station.current.as_ref();
+        let is_on_its_computer = current.is_some_and(|path| path.address.ip() == from.ip());
+        let is_it = current
+            .filter(|path| path.address == from)
+            .is_some_and(|path| path.trusted || path.proven.is_some() || controls());
+        let answers = !is_it && station.find(from).is_some_and(|path| path.rounds > 0);
+        let senders = &mut station.senders;
+        let bucket = if is_it {
+            Some(&mut senders.own)
+        } else if answers {
+            Some(&mut senders.answering)
+        } else if is_on_its_computer {
+            senders.newcomers.last_mut()
+        } else {
+            let computer = computer_of(&self.secret, from);
+            senders.newcomers.get_mut(computer)
+        };
+        bucket.is_some_and(|bucket| bucket.take(now, rate))
+    }
+
+    /// Which part of all computers an address is in.
+    pub(crate) fn computer(&self, address: SocketAddr) -> usize {
+        computer_of(&self.secret, address)
+    }
+}
+
+fn computer_of(secret: &[u8; 32], address: SocketAddr) -> usize {
+    part_of(secret, address.ip(), None, COMPUTERS)
+}
+
+#[cfg(test)]
+mod tests {
+    use mavlink_link::Now;
+
+    use super::*;
+    use crate::session::limits::Limits;
+    use crate::session::paths::Proof;
+
+    const LIMITS: Limits = Limits {
+        lease: Duration::from_secs(60),
+        bytes_s: 65_536,
+        messages_s: 1_000,
+        burst: Duration::from_secs(4),
+    };
+    const RATE: Rate = Rate::one_in(Duration::from_millis(10), 100);
+    const NOW: Now = Now {
+        mono: Duration::from_secs(100),
+        wall: Duration::from_secs(1_795_219_200),
+    };
+
+    fn at(host: u8, port: u16) -> SocketAddr {
+        SocketAddr::from(([10, 9, 0, host], port))
+    }
+
+    #[test]
+    fn a_flood_from_one_computer_uses_up_nothing_of_the_station_nor_of_another_computer() {
+        let mut paths = Paths::new(LIMITS, [None].into_iter());
+        paths.restore(NOW.mono, 0, (at(1, 1), false), true);
+        let mut taken = |host, port| paths.takes(NOW.mono, 0, at(host, port), RATE, || false);
+        let flood = (1..20_000).filter(|port| taken(9, *port));
+        assert_eq!(flood.count(), 100);
+        // Itself, a newcomer on its computer, and one on another.
+        for (host, port) in [(1, 1), (1, 2), (8, 1)] {
+            let own = (0..1_000).filter(|_| taken(host, port));
+            assert_eq!(own.count(), 100, "{host}, port {port}");
+        }
+    }
+
+    #[test]
+    fn who_has_answered_or_controls_does_not_share_with_the_other_ports_of_his_computer() {
+        let mut paths = Paths::new(LIMITS, [None].into_iter());
+        paths.arrived(NOW.mono, 0, at(1, 1), (300, false), || false);
+        let question = paths.ask(NOW, 0, at(1, 1), false).expect("it is asked");
+        let takes = |paths: &mut Paths, port, controls| {
+            paths.takes(NOW.mono, 0, at(1, port), RATE, || controls)
+        };
+        let flood = (2..20_000).filter(|port| takes(&mut paths, *port, false));
+        assert_eq!(flood.count(), 100);
+        assert!(!takes(&mut paths, 1, false), "it has shown nothing yet");
+        assert_eq!(paths.answered(NOW, 0, at(1, 1), question), Proof::Round);
+        for controls in [false, true] {
+            let taken = (0..1_000).filter(|_| takes(&mut paths, 1, controls));
+            assert_eq!(taken.count(), 100, "{controls}");
+        }
+    }
+}
