@@ -2,8 +2,9 @@
 //! controller's commands continue as if neither were there. Real sockets, real time.
 //!
 //! The figures of docs/guide/reliability.md come from here: `cargo test --release -p vsm --test program under_attack --
-//! --nocapture`. A test cannot hold 20 ms on a machine that does other things as well; it holds what distinguishes a thread
-//! that waits for the disk from one that does not. With `VSM_QUIET=1`, on a computer with nothing else to do, it holds the 20 ms.
+//! --nocapture`. On a machine that does other things as well no test can hold 20 ms for each command. So it holds them for half of the
+//! answers, and half of the heartbeats, beside the same without the attack: what delays each command shows there, and what the computer
+//! does now and then does not. With `VSM_QUIET=1`, on a computer with nothing else to do, it holds them for 99 of 100.
 
 use std::fs::{self, File};
 use std::io;
@@ -201,6 +202,55 @@ impl Agent {
 
 /// What B sends, by the number of the message.
 type Attack = fn(&mut World, u64);
+
+/// What A and the vehicle have seen of the bridge.
+struct Figures {
+    /// How long A's answers took, sorted.
+    took: Vec<Duration>,
+    missing: usize,
+    /// The times between two heartbeats, sorted.
+    gaps: Vec<Duration>,
+}
+
+/// By how much half of the answers, and half of the heartbeats, are late at most.
+#[derive(Debug, Clone, Copy, Default)]
+struct Typical {
+    answer: Duration,
+    heartbeat: Duration,
+}
+
+impl Figures {
+    fn answer_at(&self, part: f64) -> Duration {
+        at(part, &self.took)
+    }
+
+    fn longest_gap(&self) -> Duration {
+        at(1.0, &self.gaps)
+    }
+
+    fn typical(&self) -> Typical {
+        let due = Duration::from_secs(1);
+        let mut late: Vec<Duration> = self.gaps.iter().map(|gap| gap.abs_diff(due)).collect();
+        late.sort();
+        Typical {
+            answer: self.answer_at(0.5),
+            heartbeat: at(0.5, &late),
+        }
+    }
+}
+
+impl Typical {
+    /// Whether nothing is late by more than is promised, beside this without the attack.
+    fn is_held_beside(self, quiet: Typical) -> bool {
+        self.answer <= quiet.answer + PROMISED && self.heartbeat <= quiet.heartbeat + PROMISED
+    }
+}
+
+/// Of sorted times, the one that so large a part is below.
+fn at(part: f64, sorted: &[Duration]) -> Duration {
+    let last = sorted.len().saturating_sub(1) as f64;
+    (sorted.get((last * part) as usize).copied()).unwrap_or(Duration::MAX)
+}
 
 /// A bridge on a thread of its own, its vehicle, the controller A, and B, who attacks.
 struct World {
@@ -405,9 +455,28 @@ impl World {
         }
     }
 
+    /// Lets B attack, and takes the figures of that; again, three times at most, while they do not hold what is promised beside those
+    /// without the attack. What delays each command does so each time.
+    fn attacked(
+        &mut self,
+        what: &str,
+        (seconds, rate): (f64, u32),
+        attack: impl Fn(&mut World, u64),
+        quiet: Typical,
+    ) -> Figures {
+        for _ in 0..2 {
+            self.run(seconds, rate, &attack);
+            let figures = self.take_figures(what);
+            if figures.typical().is_held_beside(quiet) {
+                return figures;
+            }
+        }
+        self.run(seconds, rate, &attack);
+        self.take_figures(what)
+    }
+
     #[allow(clippy::print_stderr, reason = "figures are printed")]
-    /// How long A's answers took, sorted, and how many are missing; the longest time between two heartbeats.
-    fn take_figures(&mut self, what: &str) -> (Vec<Duration>, usize, Duration) {
+    fn take_figures(&mut self, what: &str) -> Figures {
         let mut took = std::mem::take(&mut self.took);
         took.sort();
         let missing = self
@@ -418,29 +487,45 @@ impl World {
         self.open.clear();
         let heartbeats = std::mem::take(&mut self.heartbeats);
         let gaps = heartbeats.windows(2).map(|two| two[1] - two[0]);
-        let longest = gaps.max().unwrap_or(Duration::MAX);
-        if !took.is_empty() {
-            let at = |part: f64| took[((took.len() - 1) as f64 * part) as usize];
+        let mut gaps: Vec<Duration> = gaps.collect();
+        gaps.sort();
+        let figures = Figures {
+            took,
+            missing,
+            gaps,
+        };
+        if !figures.took.is_empty() {
             eprintln!(
-                "{what}: {} commands, {missing} unanswered, p50 {:?}, p99 {:?}, longest {:?}; heartbeats at most {longest:?} apart",
-                took.len(),
-                at(0.5),
-                at(0.99),
-                at(1.0),
+                "{what}: {} commands, {missing} unanswered, p50 {:?}, p99 {:?}, longest {:?}; heartbeats at most {:?} apart",
+                figures.took.len(),
+                figures.answer_at(0.5),
+                figures.answer_at(0.99),
+                figures.answer_at(1.0),
+                figures.longest_gap(),
             );
         }
-        (took, missing, longest)
+        figures
     }
 
-    /// What is promised, where nothing else takes the processor: see the top.
-    fn hold_the_promise(what: &str, took: &[Duration], heartbeats: Duration) {
+    /// What is promised: see the top.
+    fn hold_the_promise(what: &str, figures: &Figures, quiet: Typical) {
+        let typical = figures.typical();
+        assert!(
+            typical.is_held_beside(quiet),
+            "{what}: {typical:?}, without it {quiet:?}"
+        );
+        let longest = figures.longest_gap();
+        assert!(
+            longest < Duration::from_millis(1_800),
+            "{what}: {longest:?}"
+        );
         if std::env::var_os("VSM_QUIET").is_none() {
             return;
         }
-        let p99 = took[(took.len() - 1) * 99 / 100];
+        let p99 = figures.answer_at(0.99);
         assert!(p99 <= PROMISED, "{what}: p99 {p99:?}");
-        let late = heartbeats.saturating_sub(Duration::from_secs(1));
-        assert!(late <= PROMISED, "{what}: heartbeats {heartbeats:?} apart");
+        let late = longest.saturating_sub(Duration::from_secs(1));
+        assert!(late <= PROMISED, "{what}: heartbeats {longest:?} apart");
     }
 
     fn end(mut self) -> Status {
@@ -552,28 +637,69 @@ const SYNC: Duration = Duration::from_millis(100);
 /// The most by which anyone's durable decisions delay the vehicle link or the controller.
 const PROMISED: Duration = Duration::from_millis(20);
 
+const NO_ATTACK: &str = "no attack";
+
+/// Of A's 160 commands all are answered, nine of ten without a wait for the disk.
+fn hold_all_answers(what: &str, figures: &Figures, quiet: Typical) {
+    assert_eq!(figures.missing, 0, "{what}");
+    let answered = figures.took.len();
+    assert!(answered >= 100, "{what}: {answered} answered");
+    let most = figures.answer_at(0.9);
+    assert!(most < SYNC, "{what}: a tenth took over {most:?}");
+    World::hold_the_promise(what, figures, quiet);
+}
+
+/// The figures above would show a bridge that delays each command by 90 ms, or its heartbeats, and are held on a computer that does something
+/// else for a third of the time.
+#[test]
+fn a_delay_of_each_command_shows_and_one_by_the_computer_does_not() {
+    let ms = Duration::from_millis;
+    let held = |slow: usize, late: u64, gaps: [u64; 4]| {
+        let mut took = vec![ms(1); 24 - slow];
+        took.extend(vec![ms(1 + late); slow]);
+        let (missing, mut gaps) = (0, gaps.map(ms).to_vec());
+        gaps.sort();
+        let figures = Figures {
+            took,
+            missing,
+            gaps,
+        };
+        let quiet = Typical {
+            answer: ms(1),
+            heartbeat: ms(2),
+        };
+        figures.typical().is_held_beside(quiet)
+    };
+    let punctual = [1_000, 1_002, 998, 1_001];
+    assert!(held(0, 0, punctual));
+    assert!(held(8, 400, [1_000, 1_300, 700, 1_001]));
+    assert!(!held(24, 90, punctual));
+    assert!(!held(13, 25, punctual));
+    assert!(!held(0, 0, [1_090, 910, 1_090, 910]));
+}
+
 #[test]
 fn a_station_that_keeps_a_slow_disk_busy_delays_neither_the_vehicle_nor_the_controller() {
     let mut world = World::start(SYNC);
     let attacks: [(&str, u32, Attack); 5] = [
-        ("no attack", 1, |_, _| ()),
+        (NO_ATTACK, 1, |_, _| ()),
         ("LOI 3 on and off, 30/s", 30, flip),
         ("LOI 3 on and off, 2000/s", 2_000, flip),
         ("LOI 4 of a handover and back, 30/s", 30, handovers),
         ("50016 without a right, 2000/s", 2_000, vertices),
     ];
+    let mut quiet = Typical::default();
     for (what, rate, attack) in attacks {
-        world.run(5.0, rate, attack);
-        let (took, missing, heartbeats) = world.take_figures(what);
+        let figures = world.attacked(what, (5.0, rate), attack, quiet);
+        let (answered, missing) = (figures.took.len(), figures.missing);
         assert!(missing <= 5, "{what}: {missing} unanswered");
-        assert!(took.len() >= 15, "{what}: {} answered", took.len());
-        let most = took[(took.len() - 1) * 3 / 4];
+        assert!(answered >= 15, "{what}: {answered} answered");
+        let most = figures.answer_at(0.75);
         assert!(most < SYNC, "{what}: a quarter took over {most:?}");
-        assert!(
-            heartbeats < Duration::from_millis(1_800),
-            "{what}: {heartbeats:?}"
-        );
-        World::hold_the_promise(what, &took, heartbeats);
+        World::hold_the_promise(what, &figures, quiet);
+        if what == NO_ATTACK {
+            quiet = figures.typical();
+        }
     }
     let status = world.end();
     assert!(status.refused.get("too many changes of rights") > 0);
@@ -584,23 +710,17 @@ fn a_station_that_keeps_a_slow_disk_busy_delays_neither_the_vehicle_nor_the_cont
 fn a_flood_of_forged_requests_delays_neither_the_vehicle_nor_the_controller() {
     let mut world = World::start(SYNC);
     world.commands = 20.0;
-    for (what, rate) in [("no attack", 1), ("forged 40000, 2000/s", 2_000)] {
+    let mut quiet = Typical::default();
+    for (what, rate) in [(NO_ATTACK, 1), ("forged 40000, 2000/s", 2_000)] {
         (world.forged_bytes, world.reflected_bytes) = (0, 0);
-        world.run(8.0, rate, |world, number| {
+        let forges = |world: &mut World, number: u64| {
             if rate > 1 {
                 forged_40000(world, number);
             }
-        });
-        let (took, missing, heartbeats) = world.take_figures(what);
-        assert_eq!(missing, 0, "{what}");
-        assert!(took.len() >= 100, "{what}: {} answered", took.len());
-        let most = took[(took.len() - 1) * 9 / 10];
-        assert!(most < SYNC, "{what}: a tenth took over {most:?}");
-        assert!(
-            heartbeats < Duration::from_millis(1_800),
-            "{what}: {heartbeats:?}"
-        );
-        World::hold_the_promise(what, &took, heartbeats);
+        };
+        let figures = world.attacked(what, (8.0, rate), forges, quiet);
+        hold_all_answers(what, &figures, quiet);
+        quiet = figures.typical();
     }
     let (forged, reflected) = (world.forged_bytes, world.reflected_bytes);
     assert!(forged > 100_000, "{forged} bytes were forged");
@@ -620,26 +740,20 @@ fn messages_of_exchanges_from_forty_addresses_delay_neither_the_vehicle_nor_the_
                 .expect("loopback has each address")
         })
         .collect();
+    let mut quiet = Typical::default();
     for (what, rate) in [
-        ("no attack", 1),
+        (NO_ATTACK, 1),
         ("messages of exchanges from forty addresses, 4000/s", 4_000),
     ] {
-        world.run(8.0, rate, |world, number| {
+        let forges = |world: &mut World, number: u64| {
             if rate > 1 {
                 let from = &crowd[number as usize % crowd.len()];
                 let _ = from.send_to(&forged_exchange(number), world.mavlink);
             }
-        });
-        let (took, missing, heartbeats) = world.take_figures(what);
-        assert_eq!(missing, 0, "{what}");
-        assert!(took.len() >= 100, "{what}: {} answered", took.len());
-        let most = took[(took.len() - 1) * 9 / 10];
-        assert!(most < SYNC, "{what}: a tenth took over {most:?}");
-        assert!(
-            heartbeats < Duration::from_millis(1_800),
-            "{what}: {heartbeats:?}"
-        );
-        World::hold_the_promise(what, &took, heartbeats);
+        };
+        let figures = world.attacked(what, (8.0, rate), forges, quiet);
+        hold_all_answers(what, &figures, quiet);
+        quiet = figures.typical();
     }
     world.end();
 }
@@ -653,15 +767,18 @@ fn a_change_of_keys_on_a_slow_disk_delays_neither_the_vehicle_nor_the_controller
     agent.answers = true;
     // A request that was not answered is repeated every 4 s.
     world.run(8.0, 1, |_, _| ());
-    let (took, missing, heartbeats) = world.take_figures("a change of keys");
+    let figures = world.take_figures("a change of keys");
     let agreed = world.agent.as_ref().expect("it is there").next.0;
     assert_eq!(agreed, 1, "the exchange completes");
     assert!(world._folder.path().join("uav.key.next").exists());
-    assert_eq!(missing, 0);
-    let slow = took.iter().filter(|took| **took >= SYNC).count();
-    assert!(slow <= 4, "{slow} of {} commands are slow", took.len());
-    assert!(heartbeats < Duration::from_millis(1_800), "{heartbeats:?}");
-    World::hold_the_promise("a change of keys", &took, heartbeats);
+    assert_eq!(figures.missing, 0);
+    let slow = figures.took.iter().filter(|took| **took >= SYNC).count();
+    assert!(
+        slow <= 4,
+        "{slow} of {} commands are slow",
+        figures.took.len()
+    );
+    World::hold_the_promise("a change of keys", &figures, Typical::default());
     world.end();
 }
 
@@ -699,7 +816,9 @@ fn a_slow_disk_of_the_agent_holds_up_no_frame() {
     };
     let mut vehicle = Autopilot::new(vehicle, Signing::with_key(key(0), 0), vec![Some(radio)]);
     let ground = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    let (mut seq, mut at, mut relayed) = (0_u8, None, Vec::<Instant>::new());
+    let (mut seq, mut px4_at) = (0_u8, None);
+    let (mut sent, mut relayed) = (Vec::<Instant>::new(), Vec::<Instant>::new());
+    let mut took = Vec::<Duration>::new();
     let begun = Instant::now();
     // The ceiling of its clock is raised every six seconds or ten.
     while relayed
@@ -710,7 +829,7 @@ fn a_slow_disk_of_the_agent_holds_up_no_frame() {
         let mut frame = [0; MAX_FRAME];
         vehicle.step(Duration::from_millis(10));
         while let Some(sent) = vehicle.poll_transmit(&mut frame) {
-            if let Some(at) = at {
+            if let Some(at) = px4_at {
                 let _ = px4.send_to(&frame[..sent.len], at);
             }
         }
@@ -726,21 +845,33 @@ fn a_slow_disk_of_the_agent_holds_up_no_frame() {
         let length = encode(&beat, header, &mut frame);
         let stamp = Stamp::from_unix(wall());
         let length = sign(&key(0), 0, stamp, &mut frame, length).expect("it fits");
+        sent.push(Instant::now());
         let _ = ground.send_to(&frame[..length], radio);
         thread::sleep(Duration::from_millis(10));
         let mut bytes = [0; 2_048];
         while let Ok((length, from)) = px4.recv_from(&mut bytes) {
-            at = Some(from);
+            px4_at = Some(from);
             vehicle.handle_datagram(0, radio, &bytes[..length]);
-            let of_ground = |frame: FrameView<'_>| frame.header().system_id == 245;
-            if FrameView::parse(&bytes[..length]).is_ok_and(of_ground) {
+            let frame = FrameView::parse(&bytes[..length]).ok();
+            if let Some(frame) = frame.filter(|frame| frame.header().system_id == 245) {
                 relayed.push(Instant::now());
+                let later = usize::from(seq.wrapping_sub(frame.header().seq));
+                took.extend(sent.iter().rev().nth(later).map(Instant::elapsed));
             }
         }
     }
     drop(stop);
     agent.join().expect("it ends");
-    let gaps = relayed.windows(2).map(|two| two[1] - two[0]);
-    let longest = gaps.max().expect("frames passed");
+    let gaps = |times: &[Instant]| {
+        let gaps = times.windows(2).map(|two| two[1] - two[0]);
+        let mut gaps: Vec<Duration> = gaps.collect();
+        gaps.sort();
+        gaps
+    };
+    let longest = at(1.0, &gaps(&relayed));
     assert!(longest < 5 * SYNC, "{longest:?} without a frame");
+    // What has passed is looked for as often as frames are sent.
+    took.sort();
+    let (half, each) = (at(0.5, &took), at(0.5, &gaps(&sent)));
+    assert!(half <= each + PROMISED, "{half:?}, sent each {each:?}");
 }
