@@ -45,7 +45,7 @@ impl Quota {
 #[derive(Debug)]
 pub(super) struct RecordFile {
     folder: PathBuf,
-    /// `1b000101-1767225600`; files after the first of a run have `-1` and so on behind it.
+    /// `1b000101-1767225600`; behind it each file but the first of the series has its number, `-1` and so on.
     run: String,
     /// `1b000101-`, the prefix of all files of the series.
     series: String,
@@ -56,7 +56,8 @@ pub(super) struct RecordFile {
     path: PathBuf,
     file: BufWriter<File>,
     written: u64,
-    files: u32,
+    /// The number of the next file.
+    next: u64,
     /// Bytes that may be written at once, and when that was computed.
     allowance: (u64, Duration),
     failed: bool,
@@ -96,19 +97,24 @@ impl RecordFile {
             .mode(0o700)
             .create(folder)?;
         ownership::check_folder(folder)?;
-        let run = format!("{name}-{}", wall.as_secs());
-        let (path, file) = create(folder, &run, 0, extension)?;
+        let (run, series) = (format!("{name}-{}", wall.as_secs()), format!("{name}-"));
+        // Continued over the runs: only the number shows which of two files is older, since the clock may have been wrong for
+        // either.
+        let before = files_of(folder, &series, extension);
+        let latest = before.iter().map(|(number, ..)| *number).max();
+        let number = latest.map_or(0, |number| number.saturating_add(1));
+        let (path, file) = create(folder, &run, number, extension)?;
         let mut record = RecordFile {
             folder: folder.to_owned(),
             run,
-            series: format!("{name}-"),
+            series,
             extension,
             head,
             quota,
             path,
             file: BufWriter::new(file),
             written: 0,
-            files: 1,
+            next: number.saturating_add(1),
             allowance: (BURST, wall),
             failed: false,
             dropped: 0,
@@ -188,9 +194,9 @@ impl RecordFile {
 
     fn next_file(&mut self) -> io::Result<()> {
         self.file.flush()?;
-        let (path, file) = create(&self.folder, &self.run, self.files, self.extension)?;
+        let (path, file) = create(&self.folder, &self.run, self.next, self.extension)?;
         (self.path, self.file) = (path, BufWriter::new(file));
-        self.files = self.files.saturating_add(1);
+        self.next = self.next.saturating_add(1);
         self.written = 0;
         self.make_room();
         self.start_file();
@@ -205,12 +211,12 @@ impl RecordFile {
 
     /// Removes the oldest files of the series until a whole new one fits.
     fn make_room(&mut self) {
-        // By time, not by name: `-10` sorts before `-2`.
-        let mut files = self.files_before();
+        let mut files = files_of(&self.folder, &self.series, self.extension);
+        files.retain(|(_, _, path, _)| *path != self.path);
         files.sort();
-        let mut sum: u64 = files.iter().map(|(_, _, length)| length).sum();
+        let mut sum: u64 = files.iter().map(|(.., length)| length).sum();
         let room = self.quota.total.saturating_sub(self.quota.file());
-        for (_, path, length) in files {
+        for (_, _, path, length) in files {
             if sum <= room {
                 break;
             }
@@ -220,31 +226,6 @@ impl RecordFile {
             }
             sum = sum.saturating_sub(length);
         }
-    }
-
-    /// The other files of the series, with their time and length. Renamed files and links do not belong to it.
-    fn files_before(&self) -> Vec<(SystemTime, PathBuf, u64)> {
-        let Ok(entries) = fs::read_dir(&self.folder) else {
-            return Vec::new();
-        };
-        let of_series = entries.flatten().filter(|entry| {
-            let name = entry.file_name();
-            let name = name.to_str().unwrap_or_default();
-            let number = name
-                .strip_prefix(&self.series)
-                .and_then(|rest| rest.strip_suffix(self.extension)?.strip_suffix('.'));
-            number.is_some_and(|number| {
-                !number.is_empty() && number.chars().all(|c| c.is_ascii_digit() || c == '-')
-            })
-        });
-        of_series
-            .filter_map(|entry| {
-                let about = entry.metadata().ok()?;
-                let path = entry.path();
-                (about.is_file() && path != self.path)
-                    .then(|| Some((about.modified().ok()?, path, about.len())))?
-            })
-            .collect()
     }
 
     fn see(&mut self, done: io::Result<()>) {
@@ -260,10 +241,34 @@ impl RecordFile {
     }
 }
 
+/// The files of a series: their numbers, times, paths and lengths. Renamed files and links do not belong to it.
+fn files_of(folder: &Path, series: &str, extension: &str) -> Vec<(u64, SystemTime, PathBuf, u64)> {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let found = entries.flatten().filter_map(|entry| {
+        let name = entry.file_name();
+        let rest = name.to_str()?.strip_prefix(series)?;
+        let rest = rest.strip_suffix(extension)?.strip_suffix('.')?;
+        let numbered = !rest.is_empty() && rest.chars().all(|c| c.is_ascii_digit() || c == '-');
+        let number = rest.rsplit_once('-');
+        let number = number.and_then(|(_, number)| number.parse::<u64>().ok());
+        let about = entry.metadata().ok()?;
+        // Earlier versions began to count again with each run: of equal numbers the time decides.
+        (numbered && about.is_file()).then_some((
+            number.unwrap_or(0),
+            about.modified().ok()?,
+            entry.path(),
+            about.len(),
+        ))
+    });
+    found.collect()
+}
+
 /// Never opens an existing file, or the target of a link.
-fn create(folder: &Path, run: &str, first: u32, extension: &str) -> io::Result<(PathBuf, File)> {
+fn create(folder: &Path, run: &str, first: u64, extension: &str) -> io::Result<(PathBuf, File)> {
     let mut last = io::ErrorKind::AlreadyExists.into();
-    for number in first..first.saturating_add(MAX_RUNS_A_SECOND) {
+    for number in first..first.saturating_add(MAX_TAKEN) {
         let path = folder.join(match number {
             0 => format!("{run}.{extension}"),
             _ => format!("{run}-{number}.{extension}"),
@@ -287,8 +292,8 @@ const RATE: u64 = 512 * 1024;
 /// The most that is recorded at once: the answer to a request for everything, an upload.
 const BURST: u64 = 8 << 20;
 const REPORT_AGAIN: Duration = Duration::from_secs(60);
-/// Names to try if one is taken, as after two starts within one second.
-const MAX_RUNS_A_SECOND: u32 = 1_000;
+/// Names to try if one is taken, as by a link or a folder.
+const MAX_TAKEN: u64 = 1_000;
 
 /// An open recording.
 #[derive(Debug)]
@@ -382,6 +387,39 @@ mod tests {
         for name in ["dli-kept.pcapng", "1b000101-1.tlog"] {
             assert!(folder.path().join(name).exists(), "{name}");
         }
+    }
+
+    #[test]
+    fn what_a_wrong_clock_has_dated_ahead_makes_room_for_what_is_recorded_later() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |record: &mut RecordFile, from_s: u64, seconds: u64| {
+            for at in from_s..from_s + seconds {
+                record.write(Duration::from_secs(at), &[7; 1_000]);
+            }
+            record.flush();
+        };
+        let files = || {
+            let files = fs::read_dir(folder.path()).unwrap();
+            files.map(|file| file.unwrap().path()).collect::<Vec<_>>()
+        };
+        // 60 of 80 kB, by a clock that is a year ahead.
+        let (year, ahead) = (Duration::from_secs(366 * 86_400), 40_000_000);
+        write(&mut series(folder.path(), ahead), ahead, 60);
+        let dated_ahead = files();
+        for path in &dated_ahead {
+            let file = File::options().write(true).open(path).unwrap();
+            file.set_modified(SystemTime::now() + year).unwrap();
+        }
+        // The clock is right again, and the bridge is started twice.
+        let mut kept = Vec::new();
+        for run in [1_000, 2_000] {
+            let mut record = series(folder.path(), run);
+            kept.push(record.path.clone());
+            write(&mut record, run, 30);
+        }
+        assert!(kept.iter().all(|path| path.exists()), "{:?}", files());
+        let left = dated_ahead.iter().filter(|path| path.exists()).count();
+        assert!(left < dated_ahead.len() / 2, "{left} of those ahead");
     }
 
     #[test]
