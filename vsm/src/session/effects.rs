@@ -35,6 +35,7 @@ use super::logical::LogicalIds;
 use super::outbox::{Datagram, Destination, Instance, Outbox, Waiting};
 use super::paths::{Kind, Paths, Verdict};
 use super::station::GroundStation;
+use super::store::{Boot, Uptime};
 
 /// The effects of a machine of one vehicle. Borrowed for one call.
 pub(crate) struct Effects<'a> {
@@ -52,6 +53,8 @@ pub(crate) struct Effects<'a> {
 /// The DLI side, the log and the disk: common to all vehicles of a bridge.
 pub(crate) struct DliEffects<'a> {
     pub(crate) now: Now,
+    /// `None` where the system does not name it.
+    pub(crate) boot: Option<Boot>,
     pub(crate) vsm: Id,
     pub(crate) multicast: bool,
     pub(crate) stations: &'a [GroundStation],
@@ -140,6 +143,7 @@ impl<'a> DliEffects<'a> {
     pub(crate) fn reborrow(&mut self) -> DliEffects<'_> {
         DliEffects {
             now: self.now,
+            boot: self.boot,
             vsm: self.vsm,
             multicast: self.multicast,
             stations: self.stations,
@@ -169,6 +173,11 @@ impl<'a> DliEffects<'a> {
     /// The stamp of a message made now.
     pub(crate) fn stamp(&mut self) -> TimeStamp {
         self.outbox.stamp(self.now)
+    }
+
+    /// This moment, for a record whose age decides something after a restart.
+    pub(crate) fn uptime(&self) -> Option<Uptime> {
+        self.boot.map(|boot| boot.at(self.now.mono))
     }
 
     /// Sends an answer to one station, where its address is known.

@@ -131,7 +131,8 @@ pub(crate) use authority::trail::{Kind as AuditKind, MAX_LOG_BYTES, read_log};
 pub use bridge::map::{AreaMap, FenceMap, PlaceMap, RouteMap, VehicleMap, WaypointMap};
 pub use bridge::status::{LATELY, LinkStatus, Logged, StationStatus, Status, VehicleStatus};
 pub use bridge::{
-    Bridge, BridgeError, DliSender, LinkEnd, PreparedForwards, Tap, WebOpened, WebWay, link_config,
+    Bridge, BridgeError, DliSender, HostClocks, LinkEnd, PreparedForwards, Tap, WebOpened, WebWay,
+    link_config,
 };
 pub use counters::{ByType, Counters};
 pub use files::{FileEvent, FileRefusal};
@@ -147,5 +148,6 @@ pub(crate) use link::{alert_text as link_alert_text, link_state_name};
 pub use log::{LogEntry, LogLevel};
 pub use outbox::{Datagram, Destination};
 pub use reports::VehicleSettings;
+pub use store::Boot;
 pub(crate) use store::vehicle_record;
 pub use vehicle_pattern::VehiclePattern;

@@ -1,9 +1,50 @@
 //! What the sessions keep over a restart: one record of a kind for each vehicle, written before it is answered.
+//!
+//! How old a record is decides what is still done by it. The wall clock does not show that: it may have been set in between, and a
+//! computer without a battery-backed clock starts with the time of its last shutdown. So such a record keeps an [`Uptime`].
+
+use std::time::Duration;
 
 use mavlink_link::store::StoreError;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
+
+/// One boot of the computer, and where the monotonic time of this process begins in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Boot {
+    /// The first 64 bits of its random name.
+    pub id: u64,
+    /// The time since the boot, sleep of the computer included, at which the monotonic time was 0.
+    pub zero: Duration,
+}
+
+/// A moment by the computer's time since boot, which nobody sets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Uptime {
+    boot: u64,
+    ms: u64,
+}
+
+impl Boot {
+    /// The moment of a monotonic time of this process. A process that lasts over a sleep of the computer is behind by that:
+    /// its records then pass for older than they are.
+    pub(crate) fn at(self, mono: Duration) -> Uptime {
+        let since_boot = self.zero.saturating_add(mono);
+        Uptime {
+            boot: self.id,
+            ms: u64::try_from(since_boot.as_millis()).unwrap_or(u64::MAX),
+        }
+    }
+}
+
+impl Uptime {
+    /// How long before `now` it was; `None` where it was before the computer was restarted, or at another computer.
+    pub(crate) fn age(self, now: Uptime) -> Option<Duration> {
+        let ms = now.ms.checked_sub(self.ms)?;
+        (now.boot == self.boot).then(|| Duration::from_millis(ms))
+    }
+}
 
 /// The name of a vehicle's record of a kind.
 pub(crate) fn record_name(kind: &str, vehicle: Id) -> String {
@@ -48,4 +89,26 @@ pub(crate) use vehicle_record;
 /// A fault of a vehicle's record of a kind.
 pub(crate) fn record_fault(kind: &str, vehicle: Id, cause: impl std::fmt::Display) -> StoreError {
     StoreError::new(record_name(kind, vehicle), cause)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_age_of_a_moment_is_known_within_its_boot_only() {
+        let boot = |id, zero_s| Boot {
+            id,
+            zero: Duration::from_secs(zero_s),
+        };
+        let s = Duration::from_secs;
+        let written = boot(1, 100).at(s(20));
+        let text = to_json(&written);
+        assert_eq!(from_json(&text), Ok(written));
+        // The process of before began 100 s after the boot, this one 125 s after it.
+        assert_eq!(written.age(boot(1, 125).at(s(3))), Some(s(8)));
+        assert_eq!(written.age(boot(1, 100).at(s(20))), Some(Duration::ZERO));
+        assert_eq!(written.age(boot(2, 125).at(s(3))), None, "another boot");
+        assert_eq!(written.age(boot(1, 100).at(s(19))), None, "not written yet");
+    }
 }

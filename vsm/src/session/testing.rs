@@ -38,6 +38,7 @@ use super::mission::record::UploadedMission;
 use super::outbox::Outbox;
 use super::paths::Paths;
 use super::station::GroundStation;
+use super::store::Boot;
 use crate::config::{self, Config};
 
 pub(crate) const VSM: Id = Id(0x1b00_0001);
@@ -48,6 +49,7 @@ pub(crate) const VEHICLE: Id = Id(0x1b00_0101);
 /// A vehicle that is live, with two stations; both listen, and the first controls.
 pub(crate) struct World {
     pub(crate) now: Now,
+    pub(crate) boot: Option<Boot>,
     pub(crate) config: config::Vehicle,
     pub(crate) settings: Settings,
     pub(crate) bounds: Bounds,
@@ -126,6 +128,10 @@ impl World {
                 mono: Duration::from_secs(100),
                 wall: Duration::from_secs(1_795_219_200),
             },
+            boot: Some(Boot {
+                id: 1,
+                zero: Duration::ZERO,
+            }),
             bounds: Bounds::of(&vehicle),
             config: vehicle,
             settings: Settings {
@@ -306,6 +312,7 @@ impl World {
         let mut effects = Effects {
             dli: DliEffects {
                 now: self.now,
+                boot: self.boot,
                 vsm: VSM,
                 multicast: false,
                 stations: &self.stations,

@@ -11,7 +11,6 @@ use std::time::Duration;
 use dli_group::Group;
 use mavlink_link::Now;
 use mavlink_link::signing::SigningKey;
-use rustix::time::{ClockId, clock_gettime};
 use stanag_msgs::guard::{
     ClockDatagram, Direction, ExchangeDatagram, Guarded, MAX_GUARDED, is_offer,
 };
@@ -20,7 +19,7 @@ use stanag_msgs::{Id, MAX_DATAGRAM, ed25, frames};
 use tokio::net::UdpSocket;
 use tokio::time::{MissedTickBehavior, interval};
 
-use super::clock::{Clock, NOT_BEFORE};
+use super::clock::{Clock, NOT_BEFORE, since_boot};
 use super::disk::FileDisk;
 use super::guard_link::{Agreement, GuardError, GuardSide, bind, socket_to};
 use super::key_file::KeyFileError;
@@ -454,11 +453,6 @@ fn join(group: &Group) -> Result<UdpSocket, GuardError> {
 fn keys(agreement: &Agreement) -> Result<Vec<GuardKeyUntil>, KeyStoreError> {
     let held = agreement.held()?.into_iter();
     Ok(held.map(|key| (key, None)).collect())
-}
-
-fn since_boot() -> Duration {
-    let at = clock_gettime(ClockId::Boottime);
-    Duration::try_from(at).unwrap_or_default()
 }
 
 fn total(counters: &Counters) -> u64 {

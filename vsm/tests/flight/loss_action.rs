@@ -89,9 +89,8 @@ fn a_contingency_route_that_cannot_be_flown_gives_way_to_the_return() {
     assert!(rig.stations[1].has_alert("the vehicle carries out the loss action"));
 }
 
-#[test]
-fn a_contingency_that_a_restart_cuts_off_is_reported_and_gives_way_to_the_return() {
-    // Its upload is refused, and tried again two seconds later: the restart comes in between, and the vehicle holds.
+/// The upload of a contingency is refused, and tried again two seconds later: in between the vehicle holds.
+fn between_two_attempts() -> Rig {
     let mut rig = abandoned(
         "[authority]\non_loss = \"contingency\"\n",
         contingency(20_000.0),
@@ -99,6 +98,12 @@ fn a_contingency_that_a_restart_cuts_off_is_reported_and_gives_way_to_the_return
     assert!(rig.until(40.0, has_alert_with("is lost")));
     rig.run(1.0);
     assert_eq!(rig.truth().mode, Px4::Loiter);
+    rig
+}
+
+#[test]
+fn a_contingency_that_a_restart_cuts_off_is_reported_and_gives_way_to_the_return() {
+    let mut rig = between_two_attempts();
     rig.restart_bridge();
     let returns = rig.until(30.0, |rig| rig.truth().mode == Px4::Rtl);
     rig.run(3.0);
@@ -108,6 +113,31 @@ fn a_contingency_that_a_restart_cuts_off_is_reported_and_gives_way_to_the_return
         "the loss action (fly contingency A) was cut off by a restart of the VSM",
         "the vehicle only holds: commanding return",
         "the vehicle carries out the loss action",
+    ] {
+        assert!(rig.stations[1].has_alert(text), "{text}: {alerts:?}");
+    }
+}
+
+#[test]
+fn what_a_restart_cuts_off_is_taken_up_by_its_true_age_and_not_by_the_wall_clock() {
+    // The bridge is away for a moment, while somebody sets the clock.
+    for step_s in [-3_600.0, 3_600.0] {
+        let mut rig = between_two_attempts();
+        rig.clock.set_wall_step(step_s);
+        rig.restart_bridge();
+        let returns = rig.until(40.0, |rig| rig.truth().mode == Px4::Rtl);
+        assert!(returns, "{step_s}: {:?}", rig.stations[1].alerts());
+    }
+    // The computer was off for a day, and begins with the time at which it was switched off: somebody may have put the vehicle on
+    // hold since.
+    let mut rig = between_two_attempts();
+    rig.boot += 1;
+    rig.restart_bridge();
+    assert!(!rig.until(40.0, |rig| rig.truth().mode != Px4::Loiter));
+    let alerts = rig.stations[1].alerts();
+    for text in [
+        "the loss action (fly contingency A) was cut off by a restart of the VSM",
+        "nothing is commanded: how old the action is cannot be known",
     ] {
         assert!(rig.stations[1].has_alert(text), "{text}: {alerts:?}");
     }

@@ -14,7 +14,9 @@ use stanag_msgs::guard::MAX_GUARDED;
 use vsm::config::{Changes, Config, Report};
 use vsm::relay_policy::RelayPolicy;
 use vsm::session::web::WebRefusal;
-use vsm::session::{Bridge, Destination, LinkEnd, LogEntry, OutFrame, Peer, WebWay};
+use vsm::session::{
+    Boot, Bridge, Destination, HostClocks, LinkEnd, LogEntry, OutFrame, Peer, WebWay,
+};
 
 use super::guard::{StationGuard, access_key, guard_key};
 use super::orders;
@@ -89,6 +91,8 @@ pub struct Rig {
     pub bridge: Option<Bridge>,
     /// The bridge's disk.
     pub store: MemoryDisk,
+    /// The boot of the bridge's computer: with another number its next start follows a restart of the computer.
+    pub boot: u64,
     /// How long the disk takes to synchronise, where it `queues`: a synchronisation writes everything that was queued
     /// meanwhile.
     pub sync: Duration,
@@ -181,6 +185,7 @@ impl Rig {
             vehicles,
             bridge: None,
             store: MemoryDisk::default(),
+            boot: 1,
             sync: Duration::ZERO,
             synced_at: None,
             dli: Network::new(setup.seed ^ 0x00d1_1d11, setup.dli),
@@ -294,7 +299,15 @@ impl Rig {
             })
             .collect();
         let now = self.now();
-        let bridge = Bridge::new(&self.config, ends, now, START, &mut self.store);
+        let boot = Boot {
+            id: self.boot,
+            zero: self.clock.elapsed(),
+        };
+        let clocks = HostClocks {
+            not_before: START,
+            boot: Some(boot),
+        };
+        let bridge = Bridge::new(&self.config, ends, now, clocks, &mut self.store);
         let mut bridge = bridge.expect("the bridge starts from its store");
         let ends = self.config.forwards().zip(FORWARD_KEYS..);
         let ends = ends.map(|(forward, index)| LinkEnd {

@@ -66,6 +66,7 @@ use super::outbox::{Datagram, Outbox};
 use super::paths::Paths;
 use super::reports::VehicleSettings;
 use super::station::GroundStation;
+use super::store::Boot;
 use super::trace;
 use super::web::WebRefusal;
 use super::zeroize::Zeroize;
@@ -75,6 +76,7 @@ use crate::config::Config;
 #[derive(Debug)]
 pub struct Bridge {
     vsm: Id,
+    boot: Option<Boot>,
     setup: Setup,
     stations: Vec<GroundStation>,
     /// The recent messages of each station.
@@ -229,6 +231,24 @@ pub enum BridgeError {
     },
 }
 
+/// What the shell knows of the computer's clocks.
+#[derive(Debug, Clone, Copy)]
+pub struct HostClocks {
+    /// A date that the wall clock cannot be before, since 1970: that of the build.
+    pub not_before: Duration,
+    /// The present boot; `None` where the system does not name it. Nothing is done then that needs the age of a record.
+    pub boot: Option<Boot>,
+}
+
+impl From<Duration> for HostClocks {
+    fn from(not_before: Duration) -> HostClocks {
+        HostClocks {
+            not_before,
+            boot: None,
+        }
+    }
+}
+
 /// The shell's part of a vehicle's link: its key, and where to send before any data of the vehicle is received.
 #[derive(Debug)]
 pub struct LinkEnd {
@@ -239,7 +259,8 @@ pub struct LinkEnd {
 }
 
 impl Bridge {
-    /// Starts from a configuration, one [`LinkEnd`] for each of its vehicles in order, and what was stored.
+    /// Starts from a configuration, one [`LinkEnd`] for each of its vehicles in order, and what was stored. `clocks`: where the boot is
+    /// not known, [`HostClocks::not_before`] alone.
     ///
     /// # Errors
     /// A record of the store cannot be read.
@@ -247,14 +268,16 @@ impl Bridge {
         config: &Config,
         ends: Vec<LinkEnd>,
         now: Now,
-        not_before: Duration,
+        clocks: impl Into<HostClocks>,
         disk: &mut dyn Disk,
     ) -> Result<Bridge, BridgeError> {
+        let HostClocks { not_before, boot } = clocks.into();
         let each = config.stations().cloned();
         let each = each.map(|cucs| GroundStation::new(cucs, &config.dli));
         let stations: Vec<GroundStation> = each.collect();
         let mut bridge = Bridge {
             vsm: config.dli.vsm_id,
+            boot,
             setup: Setup::of(config),
             remembered: stations.iter().map(|_| Remembered::default()).collect(),
             cut_off: Vec::new(),
@@ -630,6 +653,7 @@ impl Bridge {
             mark: disk.queued(),
             asker: self.handled.asker,
             now,
+            boot: self.boot,
             vsm: self.vsm,
             multicast: self.setup.group.is_some(),
             stations: &self.stations,

@@ -36,7 +36,6 @@ use self::cut_off::{CutOff, Pending, Record};
 use crate::config::OnLoss;
 use crate::session::alerts::Cause;
 use crate::session::contingency::priority::Urgency;
-use crate::session::dates::wall_ms;
 use crate::session::effects::Effects;
 use crate::session::other::Other;
 
@@ -199,7 +198,7 @@ impl LossAction {
         }
         let record = Record {
             pending,
-            written_ms: wall_ms(effects.dli.now.wall),
+            written: effects.dli.uptime(),
         };
         match effects.disk().save(&vehicle, &record) {
             Ok(()) => (self.stored, self.unsaved) = (pending, None),
@@ -226,14 +225,14 @@ impl LossAction {
         self.stored = record.pending;
         self.cut_off = record
             .pending
-            .map(|pending| CutOff::of(pending, record.written_ms));
+            .map(|pending| CutOff::of(pending, record.written));
         Ok(())
     }
 
     /// A restart has interrupted a held contingency of this number.
     pub(super) fn cut_off_held(&mut self, number: u16) {
         self.cut_off
-            .get_or_insert(CutOff::of(Pending::Held(number), 0));
+            .get_or_insert(CutOff::of(Pending::Held(number), None));
     }
 
     /// Reports what a restart has cut off; `controlled`: a CUCS has control, and decides.
@@ -265,8 +264,9 @@ impl LossAction {
         let since = *cut_off.since.get_or_insert(context.now);
         let settles = context.now < since + SETTLES_WITHIN;
         // A bridge that was off for long, or was given the record of another, finds a hold that somebody else commanded.
-        let age_ms = wall_ms(effects.dli.now.wall).checked_sub(cut_off.written_ms);
-        let recent = age_ms.is_some_and(|age_ms| age_ms <= RECENT_MS);
+        let age = effects.dli.uptime().zip(cut_off.written);
+        let age = age.and_then(|(now, written)| written.age(now));
+        let recent = age.is_some_and(|age| age <= RECENT);
         // What would make it wait may lead to another mode: then the vehicle no longer only holds.
         let free = context.other.is_none() && !context.on_final && !context.busy;
         let holds = mode == Px4Mode::LOITER && action.is_some();
@@ -279,8 +279,14 @@ impl LossAction {
         }
         if !settles && !cut_off.left {
             cut_off.left = true;
+            let why = match age {
+                _ if !holds => "",
+                None => ": how old the action is cannot be known, as the computer was restarted",
+                Some(age) if age > RECENT + SETTLES_WITHIN => ": it was begun over 60 s ago",
+                Some(_) => "",
+            };
             let follows = format!(
-                "; vehicle continues in {}, nothing is commanded",
+                "; vehicle continues in {}, nothing is commanded{why}",
                 mode.name()
             );
             cut_off.raise(&follows, effects);
@@ -304,7 +310,7 @@ const MAX_TRIES: u32 = 2;
 /// How long after a restart the mode of the vehicle may still follow from a command of before.
 const SETTLES_WITHIN: Duration = Duration::from_secs(5);
 /// How old an action may be whose hold a restart ends by a return.
-const RECENT_MS: u64 = 60_000;
+const RECENT: Duration = Duration::from_secs(60);
 /// Time between two attempts or checks.
 const RETRY_INTERVAL: Duration = Duration::from_secs(2);
 

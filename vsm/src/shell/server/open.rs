@@ -23,7 +23,7 @@ use super::vehicle::{
 use super::{Server, StartError};
 use crate::config::Config;
 use crate::key_exchange::KeyExchange;
-use crate::session::{AuditKey, Bridge, BridgeError, LinkEnd};
+use crate::session::{AuditKey, Bridge, BridgeError, HostClocks, LinkEnd};
 use crate::shell::clock::{Clock, NOT_BEFORE};
 use crate::shell::disk::FileDisk;
 use crate::shell::dli_recording::DliRecording;
@@ -213,7 +213,11 @@ impl Opened {
         };
         // Needed before the bridge verifies its audit logs and chains the next line to them.
         AuditKey::load_or_make(store, &mut system_random).map_err(BridgeError::Store)?;
-        let mut bridge = Bridge::new(&config, ends, now, NOT_BEFORE, store)?;
+        let clocks = HostClocks {
+            not_before: NOT_BEFORE,
+            boot: clock.boot(),
+        };
+        let mut bridge = Bridge::new(&config, ends, now, clocks, store)?;
         let mut secret = [0; 32];
         system_random(&mut secret).map_err(|fault| StartError::Random(io::Error::other(fault)))?;
         bridge.set_secret(secret);

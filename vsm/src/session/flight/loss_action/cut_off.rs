@@ -8,7 +8,7 @@ use stanag_msgs::enums::{AlertPriority, SubsystemId};
 use super::action::{Action, name};
 use crate::session::alerts::Cause;
 use crate::session::effects::Effects;
-use crate::session::store::vehicle_record;
+use crate::session::store::{Uptime, vehicle_record};
 
 /// What is pending while nobody controls the vehicle, as a restart finds it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,9 +21,9 @@ pub(super) enum Pending {
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Record {
     pub(super) pending: Option<Pending>,
-    /// When it was written, milliseconds since 1970.
+    /// When it was written; `None` in a record of an earlier version too.
     #[serde(default)]
-    pub(super) written_ms: u64,
+    pub(super) written: Option<Uptime>,
 }
 
 vehicle_record!(Record, "loss-action", Power);
@@ -31,8 +31,8 @@ vehicle_record!(Record, "loss-action", Power);
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CutOff {
     pub(super) pending: Pending,
-    /// When that began, milliseconds since 1970.
-    pub(super) written_ms: u64,
+    /// When that began.
+    pub(super) written: Option<Uptime>,
     /// When the vehicle first showed its mode after the restart.
     pub(super) since: Option<Duration>,
     /// It is left as it is.
@@ -40,10 +40,10 @@ pub(super) struct CutOff {
 }
 
 impl CutOff {
-    pub(super) fn of(pending: Pending, written_ms: u64) -> CutOff {
+    pub(super) fn of(pending: Pending, written: Option<Uptime>) -> CutOff {
         CutOff {
             pending,
-            written_ms,
+            written,
             since: None,
             left: false,
         }

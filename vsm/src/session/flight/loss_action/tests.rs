@@ -3,6 +3,7 @@
 use mavlink_link::store::MemoryDisk;
 
 use super::*;
+use crate::session::store::Boot;
 use crate::session::testing::World;
 
 /// In the air, in a mode that no action leads to, with nobody in control.
@@ -246,35 +247,47 @@ fn a_return_that_a_restart_has_cut_off_is_not_named_as_refused() {
     assert_eq!(of_held, Some("the vehicle returns or lands"));
 }
 
-/// A bridge that was off for days, or a clock that was set back, finds a hold of somebody else.
+/// What is commanded, and reported, where the vehicle holds, this long after the record was written and in this boot.
+fn holds_after(later: Duration, wall: Duration, boot: Option<u64>) -> (Vec<Action>, String) {
+    let mut world = World::new();
+    let mut machine = cut_off(&mut world, OnLoss::Contingency);
+    world.now.wall = wall;
+    world.boot = boot.map(|id| Boot { id, zero: later });
+    let holds = LossContext {
+        mode: Some(Px4Mode::LOITER),
+        ..flying(&world)
+    };
+    let actions = commanded(&mut world, &mut machine, holds, 7);
+    (actions, standing(&world).concat())
+}
+
+/// A bridge that was off for days finds a hold of somebody else.
 #[test]
 fn what_a_restart_has_cut_off_long_ago_is_only_reported() {
+    let wall = World::new().now.wall;
     let minute = Duration::from_secs(60);
-    for (later, acts) in [(minute, true), (minute + RETRY_INTERVAL, false)] {
-        let mut world = World::new();
-        let mut machine = cut_off(&mut world, OnLoss::Contingency);
-        world.now.wall += later;
-        let holds = LossContext {
-            mode: Some(Px4Mode::LOITER),
-            ..flying(&world)
-        };
-        let actions = commanded(&mut world, &mut machine, holds, 1);
-        assert_eq!(!actions.is_empty(), acts);
+    let (actions, _) = holds_after(minute, wall, Some(1));
+    assert_eq!(actions.first(), Some(&Action::Return));
+    for later in [minute + RETRY_INTERVAL, 100 * minute] {
+        let (actions, text) = holds_after(later, wall, Some(1));
+        assert_eq!(actions, []);
+        assert!(text.contains("AUTO.LOITER, nothing is commanded"), "{text}");
     }
-    for back in [false, true] {
-        let mut world = World::new();
-        let mut machine = cut_off(&mut world, OnLoss::Contingency);
-        world.now.wall = if back {
-            world.now.wall - Duration::from_secs(10)
-        } else {
-            world.now.wall + Duration::from_secs(86_400)
-        };
-        let holds = LossContext {
-            mode: Some(Px4Mode::LOITER),
-            ..flying(&world)
-        };
-        assert_eq!(commanded(&mut world, &mut machine, holds, 7), []);
-        assert!(standing(&world)[0].ends_with("AUTO.LOITER, nothing is commanded"));
+}
+
+#[test]
+fn the_wall_clock_does_not_show_how_old_a_cut_off_action_is() {
+    let (now, moment) = (World::new().now.wall, Duration::from_secs(2));
+    let years = Duration::from_secs(10 * 365 * 86_400);
+    for wall in [Duration::ZERO, now - years, now - moment, now + years] {
+        let (actions, text) = holds_after(moment, wall, Some(1));
+        assert_eq!(actions.first(), Some(&Action::Return), "{wall:?}: {text}");
+    }
+    // It shows two seconds, as after a restart of a computer that keeps no time while it is off.
+    for boot in [Some(2), None] {
+        let (actions, text) = holds_after(moment, now + moment, boot);
+        assert_eq!(actions, []);
+        assert!(text.ends_with("as the computer was restarted"), "{text}");
     }
 }
 
