@@ -15,7 +15,6 @@ use super::{Held, right_for};
 use crate::config::OnLoss;
 use crate::session::authority::{rules::Rights, rules::Stations};
 use crate::session::context::Origin;
-use crate::session::dates::wall_ms;
 use crate::session::effects::Effects;
 
 impl Held {
@@ -119,7 +118,7 @@ impl Held {
             condition,
             state: State::Waiting,
             reason: String::new(),
-            until_ms: wall_ms(context.now.wall + valid),
+            until_ms: 0,
             until: context.mono() + valid,
             stamp: stamp.0,
             ack_requested: origin.ack_requested,

@@ -12,16 +12,15 @@ use stanag_msgs::messages::HoldCommand;
 
 use super::input::Context;
 use crate::session::authority::rules::Silence;
-use crate::session::dates::wall_ms;
 use crate::session::station::GroundStation;
 
 /// A condition.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) enum Condition {
     Time {
-        /// Milliseconds since 1970, by the clock of this VSM.
+        /// In the record: milliseconds since 1970, by the clock of this VSM.
         at_ms: u64,
-        /// The same by the monotonic clock.
+        /// By the monotonic clock.
         #[serde(skip)]
         at: Duration,
     },
@@ -252,7 +251,7 @@ fn time(command: &HoldCommand, context: &Context<'_>) -> Result<Condition, Strin
     }
     let after = Duration::from_millis(after_ms);
     Ok(Condition::Time {
-        at_ms: wall_ms(context.now.wall + after),
+        at_ms: 0,
         at: context.mono() + after,
     })
 }

@@ -5,8 +5,8 @@
 //!
 //! - A command is stored before it is acknowledged, and marked as started before it runs, so no restart or power cut runs it
 //!   twice. If the disk does not confirm that in time, the command is refused.
-//! - It never runs after its expiry or its cancellation, also after a restart. If the VSM's clock was set back during a
-//!   restart, all held commands are cancelled.
+//! - It never runs after its expiry or its cancellation, also after a restart, over which the computer's time since boot
+//!   counts. Over a restart of the computer the wall clock does: if that was set back, all held commands are cancelled.
 //! - It never runs while the vehicle is silent, and never against its pilot or failsafe: a command that would take the
 //!   vehicle from them is refused.
 //! - It ends when its sender loses control. A [contingency](HoldKind::Contingency) is kept while nobody controls the vehicle
@@ -98,16 +98,14 @@ impl Held {
         let Some(record) = effects.disk().load::<Record>(&vehicle)? else {
             return Ok(CutOff::default());
         };
-        // Expiry and Condition Time are kept by the wall clock: if that was set back, a command could run long after its
-        // expiry.
-        let behind = wall_ms(now.wall) + CLOCK_SLACK_MS < record.written_ms;
+        let now_ms = record.now_ms(now, effects.dli.uptime());
         (self.entries, self.serial) = (record.entries, record.serial);
         let mut cut_off = CutOff::default();
         for entry in &mut self.entries {
-            entry.restart_clocks(now);
+            entry.restart_clocks(now.mono, now_ms.unwrap_or(u64::MAX));
             let (state, why) = match entry.state {
                 State::BeingCarriedOut => (State::Refused, CUT_OFF),
-                State::Waiting if behind => (State::Cancelled, CLOCK_WENT_BACK),
+                State::Waiting if now_ms.is_none() => (State::Cancelled, CLOCK_WENT_BACK),
                 _ => continue,
             };
             if entry.state == State::BeingCarriedOut {
@@ -280,11 +278,15 @@ impl Held {
     }
 
     fn save(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
-        let vehicle = effects.id;
+        let (vehicle, now) = (effects.id, effects.dli.now);
+        for entry in &mut self.entries {
+            entry.store_clocks(now);
+        }
         let record = Record {
             entries: self.entries.clone(),
             serial: self.serial,
-            written_ms: wall_ms(effects.dli.now.wall),
+            written_ms: wall_ms(now.wall),
+            written: effects.dli.uptime(),
         };
         effects.disk().save(&vehicle, &record)?;
         self.unsaved = None;
@@ -354,8 +356,6 @@ fn launches(entry: &Entry) -> bool {
 }
 
 const SAVE_AGAIN: Duration = Duration::from_secs(1);
-/// A smaller step of the clock is ignored.
-const CLOCK_SLACK_MS: u64 = 1_000;
 const CUT_OFF: &str =
     "the VSM restarted while it was carried out: not resumed; check the vehicle's state";
-const CLOCK_WENT_BACK: &str = "the clock of the VSM was set back during a restart";
+const CLOCK_WENT_BACK: &str = "the clock of the VSM was set back while its computer was restarted";

@@ -10,7 +10,8 @@ use stanag_msgs::{Id, Text, TimeStamp};
 
 use super::condition::Condition;
 use crate::session::context::Origin;
-use crate::session::store::vehicle_record;
+use crate::session::dates::wall_ms;
+use crate::session::store::{Uptime, vehicle_record};
 
 /// One held command.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -28,9 +29,9 @@ pub(super) struct Entry {
     pub(super) state: State,
     /// The reason of its end.
     pub(super) reason: String,
-    /// When it expires: milliseconds since 1970, by the clock of this VSM.
+    /// When it expires, in the record: milliseconds since 1970, by the clock of this VSM.
     pub(super) until_ms: u64,
-    /// The same by the monotonic clock.
+    /// By the monotonic clock.
     #[serde(skip)]
     pub(super) until: Duration,
     /// Time Stamp of the 50020, which is answered at the end.
@@ -72,11 +73,29 @@ pub(super) struct Record {
     pub(super) entries: Vec<Entry>,
     /// The latest serial number.
     pub(super) serial: u32,
-    /// When it was written, milliseconds since 1970.
+    /// When it was written, milliseconds since 1970, by the clock of its times.
     pub(super) written_ms: u64,
+    /// The same by the time since boot.
+    #[serde(default)]
+    pub(super) written: Option<Uptime>,
 }
 
 vehicle_record!(Record, "held", Power);
+
+impl Record {
+    /// What the clock of its times would show now, milliseconds since 1970. Within a boot nobody can have set that; after a
+    /// restart of the computer only the wall clock is left. `None` if that was set back: a command could run long after its
+    /// expiry.
+    pub(super) fn now_ms(&self, now: Now, uptime: Option<Uptime>) -> Option<u64> {
+        let age = uptime.zip(self.written);
+        if let Some(age) = age.and_then(|(now, written)| written.age(now)) {
+            let age_ms = u64::try_from(age.as_millis()).unwrap_or(u64::MAX);
+            return Some(self.written_ms.saturating_add(age_ms));
+        }
+        let shown = wall_ms(now.wall);
+        (shown.saturating_add(CLOCK_SLACK_MS) >= self.written_ms).then_some(shown)
+    }
+}
 
 impl Entry {
     /// The 50020, as the origin of its answer.
@@ -109,15 +128,24 @@ impl Entry {
         }
     }
 
-    /// Converts its times to the monotonic clock after a start of the VSM.
-    pub(super) fn restart_clocks(&mut self, now: Now) {
-        let from_now = |ms: u64| {
-            let left = Duration::from_millis(ms).saturating_sub(now.wall);
-            now.mono + left
-        };
+    /// Converts its times to the wall clock, for the record: that clock may have been set since the last one.
+    pub(super) fn store_clocks(&mut self, now: Now) {
+        let by_wall = |at: Duration| wall_ms(now.wall + at.saturating_sub(now.mono));
+        self.until_ms = by_wall(self.until);
+        if let Condition::Time { at_ms, at } = &mut self.condition {
+            *at_ms = by_wall(*at);
+        }
+    }
+
+    /// Converts its times to the monotonic clock after a start of the VSM. `now_ms`: what the clock of the record shows now.
+    pub(super) fn restart_clocks(&mut self, mono: Duration, now_ms: u64) {
+        let from_now = |ms: u64| mono + Duration::from_millis(ms.saturating_sub(now_ms));
         self.until = from_now(self.until_ms);
         if let Condition::Time { at_ms, at } = &mut self.condition {
             *at = from_now(*at_ms);
         }
     }
 }
+
+/// A smaller step of the wall clock is ignored.
+const CLOCK_SLACK_MS: u64 = 1_000;

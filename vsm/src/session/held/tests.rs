@@ -22,6 +22,7 @@ use crate::session::authority::rules::{
 use crate::session::context::{HeldOrigin, Origin};
 use crate::session::effects::Request;
 use crate::session::other::Other;
+use crate::session::store::Boot;
 use crate::session::testing::{CUCS, World, acknowledgements, origin};
 
 /// What happens.
@@ -315,20 +316,81 @@ fn what_the_histories_are_made_of_does_carry_out() {
     assert_eq!(carried_out, [1]);
 }
 
-#[test]
-fn a_clock_that_went_back_over_a_restart_cancels_what_waits() {
-    let mut scene = Scene::new();
-    let give = Step::Give {
-        number: 1,
-        after_s: Some(2),
-        valid_s: 10,
+/// To be carried out after so many seconds, within 20.
+fn give(number: u16, after_s: u32) -> Step {
+    Step::Give {
+        number,
+        after_s: Some(after_s),
+        valid_s: 20,
         contingency: false,
-    };
-    scene.play(&give);
-    scene.world.now.wall -= Duration::from_secs(3_600);
-    scene.play(&Step::Restart(0));
+    }
+}
+
+impl Scene {
+    /// How often the first command was carried out.
+    fn first(&self) -> u32 {
+        self.given.values().next().expect("given").carried_out
+    }
+
+    fn step_wall(&mut self, seconds: i64) {
+        let step = Duration::from_secs(seconds.unsigned_abs());
+        match seconds < 0 {
+            true => self.world.now.wall -= step,
+            false => self.world.now.wall += step,
+        }
+    }
+
+    fn restart_computer(&mut self) {
+        self.world.boot = Some(Boot {
+            id: 2,
+            zero: Duration::ZERO,
+        });
+        self.play(&Step::Restart(0));
+    }
+}
+
+#[test]
+fn a_clock_that_went_back_over_a_restart_of_the_computer_cancels_what_waits() {
+    let mut scene = Scene::new();
+    scene.play(&give(1, 2));
+    scene.step_wall(-3_600);
+    scene.restart_computer();
     scene.play(&Step::Pass(5_000));
-    assert_eq!(scene.given.values().next().expect("given").carried_out, 0);
+    assert_eq!(scene.first(), 0);
+}
+
+#[test]
+fn a_clock_that_is_set_over_a_restart_of_the_vsm_changes_no_time() {
+    for step_s in [-3_600, -5, 5, 3_600, 10 * 365 * 86_400] {
+        let mut scene = Scene::new();
+        scene.play(&give(1, 10));
+        scene.step_wall(step_s);
+        scene.play(&Step::Restart(1));
+        scene.play(&Step::Pass(8_900));
+        assert_eq!(scene.first(), 0, "{step_s}: not before its time");
+        scene.play(&Step::Pass(200));
+        assert_eq!(scene.first(), 1, "{step_s}");
+    }
+}
+
+/// The times in the record are all by one clock: that of its last writing.
+#[test]
+fn a_clock_that_was_set_back_keeps_no_command_beyond_its_expiry() {
+    for restarts_computer in [false, true] {
+        let mut scene = Scene::new();
+        scene.play(&give(1, 10));
+        scene.step_wall(-3_600);
+        // The record is written again.
+        scene.play(&give(2, 15));
+        match restarts_computer {
+            true => scene.restart_computer(),
+            false => scene.play(&Step::Restart(0)),
+        }
+        scene.play(&Step::Pass(10_100));
+        assert_eq!(scene.first(), 1, "{restarts_computer}");
+        // Each attempt is held against the expiry.
+        scene.play(&Step::Pass(3_600_000));
+    }
 }
 
 #[test]
