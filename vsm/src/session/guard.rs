@@ -68,6 +68,10 @@ pub struct GuardEnd {
     framed: Option<Duration>,
     /// How far the clock has moved forward to that of the other end, until it is reported.
     met: Option<Duration>,
+    /// A key that was in force when the other end used it.
+    used: Option<KeyId>,
+    /// No key ends before this (monotonic), unless the other end uses the one in force: see [`GuardEnd::give_grace`].
+    grace: Duration,
     refused: Counters,
 }
 
@@ -192,6 +196,8 @@ impl GuardEnd {
             verified: 0,
             framed: None,
             met: None,
+            used: None,
+            grace: Duration::ZERO,
             refused: Counters::default(),
         };
         end.set_keys(keys, not_before, now, disk)?;
@@ -233,7 +239,8 @@ impl GuardEnd {
         for (key, until) in keys {
             if let Some(place) = known.iter().position(|one| one.id == key.id()) {
                 let mut keyed = known.swap_remove(place);
-                keyed.until = until;
+                // No later reading of the wall clock shortens what the monotonic clock counts.
+                keyed.until = until.map(|until| until.max(keyed.until.unwrap_or_default()));
                 self.keys.push(keyed);
             }
         }
@@ -255,10 +262,28 @@ impl GuardEnd {
         }
     }
 
+    /// Lets no key end before this, until the other end uses the one in force: the time at which the one before ends may have
+    /// been read from a wrong clock, and the other end may have no other key yet.
+    pub(crate) fn give_grace(&mut self, until: Duration) {
+        self.grace = until;
+    }
+
+    /// The key in force, once the other end has used it in this run.
+    pub(crate) fn used(&self) -> Option<KeyId> {
+        self.used.filter(|key| self.in_force() == Some(*key))
+    }
+
+    fn note_use(&mut self, place: usize, key: KeyId) {
+        if place == 0 {
+            (self.used, self.grace) = (Some(key), Duration::ZERO);
+        }
+    }
+
     fn drop_expired(&mut self, now: Duration) {
-        if self.keys.iter().any(|one| one.is_over(now)) {
+        let grace = self.grace;
+        if self.keys.iter().any(|one| one.is_over(now, grace)) {
             let in_use = self.keys.get(self.in_use).map(|one| one.id);
-            self.keys.retain(|one| !one.is_over(now));
+            self.keys.retain(|one| !one.is_over(now, grace));
             let stays = |id| self.keys.iter().position(|one| Some(one.id) == id);
             self.in_use = stays(in_use).unwrap_or(0);
         }
@@ -336,11 +361,11 @@ impl GuardEnd {
     ) -> Result<(&'a [u8], KeyId), GuardRefusal> {
         let trailer = &guarded.trailer;
         self.judge_way(trailer)?;
-        let own = self.own;
+        let (own, grace) = (self.own, self.grace);
         let mut named = self.keys.iter_mut().enumerate();
         let mut named = named
             .by_ref()
-            .filter(|(_, one)| one.key.id() == trailer.key_id && !one.is_over(now.mono))
+            .filter(|(_, one)| one.key.id() == trailer.key_id && !one.is_over(now.mono, grace))
             .peekable();
         if named.peek().is_none() {
             return Err(GuardRefusal::Key);
@@ -365,6 +390,7 @@ impl GuardEnd {
         keyed.window.take(now.mono, stamp);
         let key = keyed.id;
         self.unbelieved = None;
+        self.note_use(place, key);
         // A VSM answers under the key that its CUCS uses. A CUCS sends under the key in force: if it followed too, datagrams
         // in transit during a key rotation would make both ends switch back and forth.
         if self.sends == Direction::ToCucs {
@@ -487,6 +513,7 @@ impl GuardEnd {
         let (place, id, key) =
             keys.find_map(|(place, one)| Some((place, one.id, hello.verify(&one.key)?)))?;
         self.in_use = place;
+        self.note_use(place, id);
         Some((id, key))
     }
 
@@ -503,7 +530,7 @@ impl GuardEnd {
     /// Whether what is sealed under this key is accepted.
     pub(crate) fn accepts(&self, now: Duration, key: KeyId) -> bool {
         let mut keys = self.keys.iter();
-        keys.any(|one| one.id == key && !one.is_over(now))
+        keys.any(|one| one.id == key && !one.is_over(now, self.grace))
     }
 
     /// The accepted keys.
@@ -540,8 +567,8 @@ impl GuardEnd {
 }
 
 impl Keyed {
-    fn is_over(&self, now: Duration) -> bool {
-        self.until.is_some_and(|until| until <= now)
+    fn is_over(&self, now: Duration, grace: Duration) -> bool {
+        self.until.is_some_and(|until| until.max(grace) <= now)
     }
 
     /// The trailer of the next datagram; its stamp is taken.

@@ -43,6 +43,8 @@ pub(crate) struct GroundStation {
     pub(crate) sends_heartbeats: bool,
     /// The end of its guarded way, where it has one and there is a key.
     pub(crate) guard: Option<GuardEnd>,
+    /// The latest guard key that it has used while it was in force, in earlier runs too.
+    pub(crate) used_key: Option<KeyId>,
     /// The guard key that has sealed what is handled now.
     pub(crate) sealed_under: Option<KeyId>,
     /// Its connection, if it is a connected web client.
@@ -68,6 +70,7 @@ impl GroundStation {
             delay: Delay::Unknown,
             sends_heartbeats: false,
             guard: None,
+            used_key: None,
             sealed_under: None,
             web: None,
             permits: Permits::default(),

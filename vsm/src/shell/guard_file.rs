@@ -2,25 +2,27 @@
 //! operator, or agreed on with its guard ([`guard_agreed`](super::guard_agreed)).
 //!
 //! A rotated file has `FILE.previous` beside it, which is accepted until `OVERLAP` after the rotation: the copy may take
-//! its time while the station flies.
+//! its time while the station flies. That time is counted by the wall clock, since it passes while no process runs. Where that clock
+//! is wrong the bridge decides (`session/bridge/guards`): it is given the key also where its time has passed.
 
 use std::ffi::OsString;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use mavlink_link::Now;
 use mavlink_link::signing::SigningKey;
 use rustix::fs::FlockOperation;
 
+use super::clock::NOT_BEFORE;
 use super::disk::{self, FileSystem, NativeFileSystem};
 use super::key_file::{self, KeyFileError};
 use super::ownership;
 use crate::config::open_file;
 use crate::session::GuardKeyUntil;
 
-/// The current key, and the previous one while it is accepted.
+/// The current key, and the previous one with the time (monotonic) until which it is accepted, which may have passed.
 ///
 /// # Errors
 /// A file is missing, readable by others, or holds something else, or could never be replaced.
@@ -31,23 +33,30 @@ pub fn read(path: &Path, now: Now) -> Result<Vec<GuardKeyUntil>, KeyFileError> {
         disk::check_name(file)?;
     }
     if let Ok(about) = fs::metadata(&before) {
-        let today = SystemTime::now();
-        let age = match about.modified().map(|at| today.duration_since(at)) {
-            Ok(Ok(age)) => age,
-            // The clock was set back since. The day counts from now, and must not start again with each start.
-            Ok(Err(_)) if open_file(&before).is_ok_and(|it| it.set_modified(today).is_ok()) => {
-                Duration::ZERO
-            }
-            _ => OVERLAP,
-        };
-        let left = OVERLAP.saturating_sub(age);
+        let rotated = about.modified().unwrap_or(UNIX_EPOCH);
+        let left = time_left(&before, rotated, SystemTime::now());
         let key = key_file::read(&before)?;
         let same = keys.iter().any(|(known, _)| known.same_as(&key));
-        if !left.is_zero() && !same {
+        if !same {
             keys.push((key, Some(now.mono + left)));
         }
     }
     Ok(keys)
+}
+
+/// How much of its time the previous key has left, by the wall clock.
+fn time_left(before: &Path, rotated: SystemTime, today: SystemTime) -> Duration {
+    let earliest = UNIX_EPOCH + NOT_BEFORE;
+    // A clock that was not set yet: by its time the file must not be dated, or the right time ends the key at the next start.
+    if today < earliest {
+        return OVERLAP;
+    }
+    match today.duration_since(rotated) {
+        Ok(age) if rotated >= earliest => OVERLAP.saturating_sub(age),
+        // One of the two times is of a wrong clock. The day counts from now, and must not start again with each start.
+        _ if open_file(before).is_ok_and(|it| it.set_modified(today).is_ok()) => OVERLAP,
+        _ => Duration::ZERO,
+    }
 }
 
 /// Replaces the key by a new one, and keeps the old one beside it.
@@ -172,7 +181,9 @@ mod tests {
             wall: Duration::ZERO,
         };
         let keys = read(path, now).unwrap();
-        keys.iter().map(|(key, _)| key.id().to_string()).collect()
+        let accepted = |until: &Option<Duration>| until.is_none_or(|until| until > now.mono);
+        let accepted = keys.iter().filter(|(_, until)| accepted(until));
+        accepted.map(|(key, _)| key.id().to_string()).collect()
     }
 
     /// A disk that fails at the last moment, when the file bears its name already.
@@ -228,6 +239,30 @@ mod tests {
         system.0.store(false, std::sync::atomic::Ordering::SeqCst);
         put_in_force(&system, &path, &new).unwrap();
         assert_eq!(ids(&path), [new.id().to_string(), first[0].clone()]);
+    }
+
+    /// A computer without a battery-backed clock begins in 1970, and is set right later.
+    #[test]
+    fn a_clock_that_is_not_set_neither_ends_the_day_of_a_key_nor_dates_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cucs.key.previous");
+        let file = fs::File::create(&path).unwrap();
+        let hour = Duration::from_secs(3_600);
+        let (unset, rotated) = (UNIX_EPOCH + hour, UNIX_EPOCH + NOT_BEFORE + 1_000 * OVERLAP);
+        file.set_modified(rotated).unwrap();
+        assert_eq!(time_left(&path, rotated, unset), OVERLAP);
+        let dated = file.metadata().unwrap().modified().unwrap();
+        assert_eq!(dated, rotated);
+        assert_eq!(time_left(&path, dated, rotated + hour), OVERLAP - hour);
+        // It was not set when the key was rotated: the day counts from when it is.
+        file.set_modified(unset).unwrap();
+        assert_eq!(time_left(&path, unset, rotated), OVERLAP);
+        let dated = file.metadata().unwrap().modified().unwrap();
+        assert_eq!(dated, rotated);
+        assert_eq!(
+            time_left(&path, dated, rotated + 2 * OVERLAP),
+            Duration::ZERO
+        );
     }
 
     #[test]

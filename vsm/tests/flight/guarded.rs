@@ -4,7 +4,9 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use kit::attacks;
-use kit::bridge::{Rig, Setup, StationGuard, VSM, cucs, orders, station_address, vehicle_id};
+use kit::bridge::{
+    Rig, Setup, StationGuard, VSM, cucs, guard_key, orders, station_address, vehicle_id,
+};
 use mavlink_link::Now;
 use mavlink_link::signing::SigningKey;
 use serde_json::{Value, json};
@@ -207,6 +209,53 @@ fn a_key_that_cannot_be_used_leaves_its_station_without_one_and_the_others_with_
     rig.stations[0].give_up(lost);
     assert!(rig.truth().landed, "not under the old key");
     assert!(refused(&rig, "guard: sender without a guard key") > 0);
+}
+
+/// Station 0 has this key in force, and by the wall clock the one before has been over since long.
+fn rotated_long_ago(rig: &mut Rig, new: &SigningKey) {
+    let now = rig.now();
+    let keys = vec![
+        (new.duplicate(), None),
+        (guard_key(cucs(0)), Some(now.mono)),
+    ];
+    let bridge = rig.bridge.as_mut().expect("it runs");
+    let given = bridge.set_guard_keys(vec![(cucs(0), keys)], now, Duration::ZERO, &mut rig.store);
+    given.expect("their clocks can be read");
+}
+
+/// Whether anything of station 0 is accepted within seconds.
+fn is_accepted(rig: &mut Rig) -> bool {
+    let verified = |rig: &Rig| status(rig)["stations"][0]["guard"]["verified"].as_u64();
+    let before = verified(rig).expect("it has a guard");
+    rig.run(6.0);
+    verified(rig) > Some(before)
+}
+
+#[test]
+fn a_clock_that_is_ahead_locks_out_no_station_whose_new_key_is_on_its_way_and_no_old_key_comes_back()
+ {
+    let new = SigningKey::new([0x4e; 32]).expect("not all zero");
+    let mut rig = rig(1, &[0]);
+    rig.stations[0].heartbeats = true;
+    assert!(is_accepted(&mut rig));
+    // The key was rotated a moment ago, and the clock is a day ahead.
+    rotated_long_ago(&mut rig, &new);
+    assert!(is_accepted(&mut rig), "after a reload");
+    rig.restart_bridge();
+    rotated_long_ago(&mut rig, &new);
+    assert!(is_accepted(&mut rig), "after a restart");
+    // The new key has arrived: once it is used, the old one is over, after a restart too.
+    let owner = StationGuard::with_key(cucs(0), new.duplicate(), rig.station_now());
+    let thief = rig.guards.insert(0, owner).expect("it has one");
+    assert!(is_accepted(&mut rig));
+    let owner = rig.guards.insert(0, thief).expect("it has one");
+    assert!(!is_accepted(&mut rig));
+    rig.restart_bridge();
+    rotated_long_ago(&mut rig, &new);
+    assert!(!is_accepted(&mut rig));
+    assert!(refused(&rig, "guard: unknown key") > 0);
+    rig.guards.insert(0, owner);
+    assert!(is_accepted(&mut rig));
 }
 
 #[test]

@@ -1,13 +1,18 @@
 //! CUCSs with a guard: a datagram in their name is accepted only if its trailer verifies, and datagrams to them are sealed.
 //!
 //! Only the configuration decides whether a station has a guard. Without keys here, nothing of such a station is accepted.
+//!
+//! A key that was replaced by hand is accepted for a day, by the wall clock where the bridge starts or reads its configuration
+//! again. That clock may be wrong by any time, and the station may fly with the old copy. So until it has used the key in force once,
+//! which is on disk then, the one before is accepted for at least [`GRACE`] from there.
 
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::signing::KeyId;
-use mavlink_link::store::{Disk, StoreError};
+use mavlink_link::store::{Disk, Store as _, StoreError};
+use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
 use stanag_msgs::guard::{ClockDatagram, Direction, ExchangeDatagram, Guarded, MAX_GUARDED};
 
@@ -16,6 +21,16 @@ use crate::session::findings::dli::Fault;
 use crate::session::guard::{GroupSender, GuardEnd, GuardKeyUntil, GuardStatus};
 use crate::session::log::{LogEntry, LogLevel};
 use crate::session::outbox::{Datagram, Destination};
+use crate::session::station::GroundStation;
+use crate::session::store::vehicle_record;
+
+/// The latest key that a CUCS has used while it was in force.
+#[derive(Debug, Serialize, Deserialize)]
+struct UsedKey {
+    id: String,
+}
+
+vehicle_record!(UsedKey, "guard-used", Process);
 
 /// A datagram, before its content is read.
 pub(super) enum Opened<'a> {
@@ -65,7 +80,7 @@ impl Bridge {
         let mut given = Ok(());
         for (id, keys) in keys {
             let mut stations = self.stations.iter_mut().enumerate();
-            let guarded = |(_, one): &(usize, &mut crate::session::station::GroundStation)| {
+            let guarded = |(_, one): &(usize, &mut GroundStation)| {
                 one.id() == id && one.config.guard.is_some()
             };
             let Some((index, station)) = stations.find(guarded) else {
@@ -80,18 +95,8 @@ impl Bridge {
                 self.paths.forget_candidates(index);
                 renews_group = true;
             }
-            let set = match station.guard.take() {
-                Some(mut end) => end.set_keys(keys, not_before, now, disk).map(|()| end),
-                None => {
-                    let (ids, sends) = ((self.vsm, id), Direction::ToCucs);
-                    GuardEnd::new(ids, sends, keys, not_before, now, disk)
-                }
-            };
-            match set {
-                Ok(end) => station.guard = Some(end),
-                // The station does not keep its old key either, which may have been revoked.
-                Err(fault) => given = Err(fault),
-            }
+            let set = station.set_guard_keys(self.vsm, keys, not_before, now, disk);
+            given = set.and(given);
         }
         // The holder of a revoked key may have the group's key too.
         if renews_group && let Some(group) = &mut self.guards.group {
@@ -309,12 +314,22 @@ impl Bridge {
 
     /// Once a second: keeps the ceilings of the guards' clocks ahead, and ends replaced keys.
     pub(super) fn keep_guards(&mut self, now: Now, disk: &mut dyn Disk) {
-        for end in self
-            .stations
-            .iter_mut()
-            .filter_map(|one| one.guard.as_mut())
-        {
+        for station in &mut self.stations {
+            let id = station.id();
+            let Some(end) = &mut station.guard else {
+                continue;
+            };
             end.keep(now, disk);
+            let used = end.used().filter(|key| station.used_key != Some(*key));
+            if let Some(key) = used {
+                let record = UsedKey {
+                    id: key.to_string(),
+                };
+                // Where the disk refuses it, again in a second.
+                if disk.save(&id, &record).is_ok() {
+                    station.used_key = Some(key);
+                }
+            }
         }
         self.offer_group(now, disk);
     }
@@ -351,6 +366,39 @@ impl Bridge {
     }
 }
 
+impl GroundStation {
+    /// Sets its guard keys. Where that fails it has none: it does not keep the old one either, which may have been revoked.
+    fn set_guard_keys(
+        &mut self,
+        vsm: Id,
+        keys: Vec<GuardKeyUntil>,
+        not_before: Duration,
+        now: Now,
+        disk: &mut dyn Disk,
+    ) -> Result<(), StoreError> {
+        let id = self.id();
+        let mut end = match self.guard.take() {
+            Some(end) => end,
+            None => {
+                let used = disk.load::<UsedKey>(&id)?;
+                self.used_key = used.and_then(|used| KeyId::parse(&used.id));
+                let (ids, sends) = ((vsm, id), Direction::ToCucs);
+                GuardEnd::new(ids, sends, Vec::new(), not_before, now, disk)?
+            }
+        };
+        let in_force = keys.first().map(|(key, _)| key.id());
+        if self.used_key != in_force {
+            end.give_grace(now.mono + GRACE);
+        }
+        end.set_keys(keys, not_before, now, disk)?;
+        self.guard = Some(end);
+        Ok(())
+    }
+}
+
+/// How long the key before is accepted from a start or a reload on, whatever the wall clock shows, while its station has not used the
+/// one in force: time to copy the new key.
+const GRACE: Duration = Duration::from_secs(3_600);
 const WITHOUT_KEY: &str = "guard: sender without a guard key";
 const OUR_OWN: &str = "our own";
 const UNDER_GROUP_KEY: &str = "guard: under a group key, which commands nothing";

@@ -88,9 +88,10 @@ impl GuardEnd {
         let trailer = &received.trailer;
         self.judge_way(trailer)?;
         let (own, peer, sender) = (self.own, self.peer, (self.own, self.sends));
+        let grace = self.grace;
         let named = self.keys.iter_mut();
         let mut named = named
-            .filter(|one| one.key.id() == trailer.key_id && !one.is_over(now.mono))
+            .filter(|one| one.key.id() == trailer.key_id && !one.is_over(now.mono, grace))
             .peekable();
         if named.peek().is_none() {
             return Err(GuardRefusal::Key);

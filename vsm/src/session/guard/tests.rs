@@ -446,6 +446,48 @@ fn two_keys_overlap_and_the_answer_has_the_one_that_the_other_end_has() {
     assert_eq!(vsm.end.status(s(111)).key_id, Some(key(2).id().to_string()));
 }
 
+/// The end of the key before is read from the wall clock, which may be wrong.
+#[test]
+fn a_key_ends_no_sooner_than_was_known_before_nor_within_a_grace_that_the_use_of_the_next_one_ends()
+{
+    let set = |vsm: &mut Host, at: Duration, left: Duration| {
+        let now = vsm.now(at);
+        let keys = vec![(key(2), None), (key(1), Some(now.mono + left))];
+        let set = vsm.end.set_keys(keys, Duration::ZERO, now, &mut vsm.disk);
+        set.unwrap();
+    };
+    let (mut cucs, mut vsm) = ends(0);
+    assert!(passes(&mut cucs, &mut vsm, s(1)));
+    set(&mut vsm, s(2), s(100));
+    // A reload while the clock is a day ahead.
+    set(&mut vsm, s(3), Duration::ZERO);
+    assert!(passes(&mut cucs, &mut vsm, s(101)));
+    let late = cucs.seal(s(103), b"x");
+    assert_eq!(vsm.open(s(103), &late), Err(GuardRefusal::Key));
+
+    // A start while the clock is a day ahead, twice: until the other end uses the new key, and until the grace ends.
+    for uses_new in [true, false] {
+        let (mut cucs, mut vsm) = ends(0);
+        vsm.keys = vec![2];
+        vsm.restart(s(10));
+        vsm.end.give_grace(s(50));
+        set(&mut vsm, s(10), Duration::ZERO);
+        assert!(passes(&mut cucs, &mut vsm, s(20)));
+        assert_eq!(vsm.end.used(), None);
+        if uses_new {
+            let mut owner = Host::new((CUCS, VSM), Direction::ToVsm, 0);
+            owner.keys = vec![2];
+            owner.restart(s(21));
+            assert!(passes(&mut owner, &mut vsm, s(21)));
+            assert_eq!(vsm.end.used(), Some(key(2).id()));
+        }
+        let early = cucs.seal(s(22), b"x");
+        assert_eq!(vsm.open(s(22), &early).is_ok(), !uses_new);
+        let late = cucs.seal(s(61), b"x");
+        assert_eq!(vsm.open(s(61), &late), Err(GuardRefusal::Key));
+    }
+}
+
 #[test]
 fn a_disk_that_fails_lets_nothing_pass_that_a_restart_would_take_again() {
     let (mut cucs, mut vsm) = ends(0);
