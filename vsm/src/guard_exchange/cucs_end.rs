@@ -14,14 +14,22 @@ use stanag_msgs::Id;
 use stanag_msgs::guard::{Direction, ExchangeDatagram};
 
 use super::{WANTED, datagram, parties};
-use crate::key_exchange::{ExchangeRecord, GroundKeys, Keyring, memory};
+use crate::key_exchange::{ExchangeRecord, GroundKeys, Keyring, memory, records};
 
 /// What is on this end's disk.
 pub struct CucsFiles<'a> {
-    /// The record of the exchange, and the stamps of keys.
+    /// The stamps of keys.
     pub store: &'a mut dyn Disk,
+    /// The record of the exchange, whose writes must stay in order with the key files; `None`: in `store` too.
+    pub records: Option<&'a mut dyn Disk>,
     /// The key in force, and the one that the VSM may have.
     pub keys: &'a dyn Keyring,
+}
+
+impl CucsFiles<'_> {
+    fn records(&mut self) -> &mut dyn Disk {
+        records(self.store, &mut self.records)
+    }
 }
 
 /// What has happened.
@@ -64,9 +72,9 @@ impl CucsEnd {
         identity: Identity,
         code: Option<PairingCode>,
         now: Now,
-        files: &CucsFiles<'_>,
+        files: &mut CucsFiles<'_>,
     ) -> Result<CucsEnd, StoreError> {
-        let record = ExchangeRecord::load(files.store, cucs)?;
+        let record = ExchangeRecord::load(files.records(), cucs)?;
         let memory = memory(&record, files.keys);
         let pairs = code.is_some();
         let trust = match (code, record.peer()) {
@@ -177,7 +185,7 @@ impl CucsEnd {
         let initiator = self.initiator.as_mut()?;
         let mut disk = GroundKeys {
             store: files.store,
-            records: &mut None,
+            records: &mut files.records,
             keys: files.keys,
             record: &mut self.record,
             vehicle: self.cucs,
@@ -229,7 +237,7 @@ impl CucsEnd {
         if let Some(pending) = pending.filter(|one| one.key == Some(*key.bytes())) {
             let mut record = self.record.clone();
             (record.peer, record.pending) = (pending.peer, None);
-            if let Err(fault) = record.save(files.store, self.cucs) {
+            if let Err(fault) = record.save(files.records(), self.cucs) {
                 return self.note(CucsNews::Failed(fault.to_string()));
             }
             self.record = record;
@@ -268,7 +276,7 @@ impl CucsEnd {
         true
     }
 
-    /// The next datagram for the VSM.
+    /// The next datagram for the VSM. On a disk that queues it is not taken before everything that was written is durable.
     pub fn poll_transmit(&mut self) -> Option<Vec<u8>> {
         let message = self.initiator.as_mut()?.poll_transmit()?;
         Some(datagram(Direction::ToVsm, self.cucs, self.vsm, &message))

@@ -11,7 +11,7 @@ mod machine;
 mod record;
 
 pub use ground::Keyring;
-pub(crate) use ground::{GroundKeys, memory};
+pub(crate) use ground::{GroundKeys, memory, records};
 pub use machine::{KeyExchange, Surroundings, parties};
 pub(crate) use machine::{NOT_REACHED, WANTED};
 pub use record::{ExchangeRecord, Pending, guard_identity, identity};

@@ -9,7 +9,7 @@ use std::time::Duration;
 use dli_group::GroupError;
 use mavlink_link::Now;
 use mavlink_link::exchange::{PairingCode, PublicKey, Status};
-use mavlink_link::signing::{KeyId, SigningKey};
+use mavlink_link::signing::KeyId;
 use mavlink_link::store::StoreError;
 use stanag_msgs::Id;
 use stanag_msgs::guard::{ExchangeDatagram, MAX_GUARDED};
@@ -44,6 +44,9 @@ pub enum GuardError {
     /// The multicast group.
     #[error(transparent)]
     Group(#[from] GroupError),
+    /// The threads that write to the store.
+    #[error("--store: {0}")]
+    Writer(io::Error),
     /// A socket.
     #[error("cannot listen on {at}: {cause}")]
     Bind {
@@ -69,62 +72,27 @@ pub struct GuardSide {
     pub store: PathBuf,
 }
 
-/// The keys of a guard, and the machine that agrees on them.
-#[derive(Debug)]
-pub(super) struct Agreement {
-    pub(super) end: CucsEnd,
-    pub(super) keys: KeyStore,
+/// Opens the machine that agrees on keys, and the key files, which it locks; there need not be a key yet.
+pub(super) fn open_agreement(
+    side: &GuardSide,
+    code: Option<PairingCode>,
+    now: Now,
+    disk: &mut FileDisk,
+) -> Result<(CucsEnd, KeyStore), GuardError> {
+    let keys = KeyStore::open(&side.key_file)?;
+    keys.bury(disk)?;
+    let own = identity(disk, &mut system_random)?;
+    let ids = (side.cucs, side.vsm);
+    let end = CucsEnd::new(ids, own, code, now, &mut plain(disk, &keys))?;
+    Ok((end, keys))
 }
 
-impl Agreement {
-    /// Opens and locks the key files; there need not be a key yet.
-    pub(super) fn open(
-        side: &GuardSide,
-        code: Option<PairingCode>,
-        now: Now,
-        disk: &mut FileDisk,
-    ) -> Result<Agreement, GuardError> {
-        let keys = KeyStore::open(&side.key_file)?;
-        keys.bury(disk)?;
-        let own = identity(disk, &mut system_random)?;
-        let files = CucsFiles {
-            store: disk,
-            keys: &keys,
-        };
-        let end = CucsEnd::new((side.cucs, side.vsm), own, code, now, &files)?;
-        Ok(Agreement { end, keys })
-    }
-
-    /// The keys that a guard seals and verifies under: the current one, and one that the VSM may have; only the latter if
-    /// there is no current one.
-    pub(super) fn held(&self) -> Result<Vec<SigningKey>, KeyStoreError> {
-        let keys = [self.keys.current()?, self.keys.next()?];
-        Ok(keys.into_iter().flatten().collect())
-    }
-
-    pub(super) fn handle(
-        &mut self,
-        now: Now,
-        verified: bool,
-        step: &ExchangeDatagram<'_>,
-        disk: &mut FileDisk,
-    ) {
-        let Agreement { end, keys } = self;
-        let mut files = CucsFiles { store: disk, keys };
-        // The reason for ignoring a step matters only to its sender.
-        let _ = end.handle(now, verified, step, &mut files);
-    }
-
-    pub(super) fn handle_timeout(&mut self, now: Now, disk: &mut FileDisk) {
-        let Agreement { end, keys } = self;
-        let mut files = CucsFiles { store: disk, keys };
-        end.handle_timeout(now, &mut system_random, &mut files);
-    }
-
-    pub(super) fn key_in_use(&mut self, now: Now, key: KeyId, disk: &mut FileDisk) {
-        let Agreement { end, keys } = self;
-        let mut files = CucsFiles { store: disk, keys };
-        end.key_in_use(now, key, &mut files);
+/// Files that are written while the caller waits.
+fn plain<'a>(disk: &'a mut FileDisk, keys: &'a KeyStore) -> CucsFiles<'a> {
+    CucsFiles {
+        store: disk,
+        records: None,
+        keys,
     }
 }
 
@@ -149,7 +117,8 @@ pub(super) async fn bind(at: SocketAddr) -> Result<UdpSocket, GuardError> {
 #[derive(Debug)]
 pub struct GuardPairing {
     side: GuardSide,
-    agreement: Agreement,
+    end: CucsEnd,
+    keys: KeyStore,
     disk: FileDisk,
     clock: Clock,
     socket: UdpSocket,
@@ -179,11 +148,12 @@ impl GuardPairing {
         let clock = Clock::default();
         let mut disk = FileDisk::open(&side.store)?;
         let own = identity(&mut disk, &mut system_random)?.public();
-        let agreement = Agreement::open(&side, Some(code), clock.now(), &mut disk)?;
+        let (end, keys) = open_agreement(&side, Some(code), clock.now(), &mut disk)?;
         Ok(GuardPairing {
             socket: socket_to(side.to).await?,
             side,
-            agreement,
+            end,
+            keys,
             disk,
             clock,
             own,
@@ -206,12 +176,13 @@ impl GuardPairing {
         let mut unproven = None;
         loop {
             let now = self.clock.now();
-            self.agreement.handle_timeout(now, &mut self.disk);
-            while let Some(step) = self.agreement.end.poll_transmit() {
+            let mut files = plain(&mut self.disk, &self.keys);
+            self.end.handle_timeout(now, &mut system_random, &mut files);
+            while let Some(step) = self.end.poll_transmit() {
                 // A datagram that cannot be sent is lost, as on any network.
                 let _ = self.socket.send_to(&step, self.side.to).await;
             }
-            let due = self.agreement.end.poll_timeout().unwrap_or(Duration::MAX);
+            let due = self.end.poll_timeout().unwrap_or(Duration::MAX);
             let until = due.min(patience).max(self.clock.mono());
             tokio::select! {
                 received = self.socket.recv_from(&mut bytes) => match received {
@@ -219,7 +190,9 @@ impl GuardPairing {
                         let step = bytes.get(..length).and_then(ExchangeDatagram::parse);
                         if let Some(step) = step {
                             let now = self.clock.now();
-                            self.agreement.handle(now, false, &step, &mut self.disk);
+                            let mut files = plain(&mut self.disk, &self.keys);
+                            // The reason for ignoring a step matters only to its sender.
+                            let _ = self.end.handle(now, false, &step, &mut files);
                         }
                     }
                     // An ICMP error for an earlier datagram: nobody listens there yet.
@@ -227,7 +200,7 @@ impl GuardPairing {
                 },
                 () = sleep_until(Instant::from_std(self.clock.instant(until))) => {}
             }
-            while let Some(news) = self.agreement.end.poll_news() {
+            while let Some(news) = self.end.poll_news() {
                 report(&news);
                 match news {
                     CucsNews::InForce(key, peer) => return GuardEnding::Paired { peer, key },

@@ -3,30 +3,40 @@
 //!
 //! On loopback the sender has no key. So the guard looks up who owns the sending socket, as for a vehicle that is given a
 //! key ([`LocalPeers`]), and refuses programs of other users.
+//!
+//! No datagram waits for the disk: other threads make what is written durable ([`GuardDisk`]). A ceiling is raised seconds before
+//! it is needed, and a step of the exchange that promises a key leaves once the key is durable.
 
 use std::io;
 use std::net::SocketAddr;
-use std::time::Duration;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use dli_group::Group;
 use mavlink_link::Now;
 use mavlink_link::signing::SigningKey;
+use mavlink_link::store::{Changes, Disk as _, Progress};
 use stanag_msgs::guard::{
     ClockDatagram, Direction, ExchangeDatagram, Guarded, MAX_GUARDED, is_offer,
 };
 use stanag_msgs::wrapper::Frame;
 use stanag_msgs::{Id, MAX_DATAGRAM, ed25, frames};
 use tokio::net::UdpSocket;
+use tokio::sync::Notify;
 use tokio::time::{MissedTickBehavior, interval};
 
+use super::airside::LAST_WRITES;
 use super::clock::{Clock, NOT_BEFORE, since_boot};
-use super::disk::FileDisk;
-use super::guard_link::{Agreement, GuardError, GuardSide, bind, socket_to};
-use super::key_file::KeyFileError;
-use super::key_store::KeyStoreError;
+use super::disk::{FileDisk, OpenError};
+use super::guard_link::{GuardError, GuardSide, bind, open_agreement, socket_to};
+use super::key_file::{KeyFileError, system_random};
+use super::key_store::{KeyStore, KeyStoreError};
 use super::local_peers::LocalPeers;
+use super::ordered_files::OrderedKeys;
+use super::queued_disk::QueuedDisk;
 use crate::config::LinkAddress;
-use crate::guard_exchange::CucsNews;
+use crate::guard_exchange::{CucsEnd, CucsFiles, CucsNews};
 use crate::session::{
     Counters, GroupReceiver, GuardEnd, GuardKeyUntil, GuardRefusal, GuardStatus, Peer,
 };
@@ -55,8 +65,10 @@ pub struct GuardProxy {
     group: GroupReceiver,
     peers: LocalPeers,
     end: GuardEnd,
-    agreement: Agreement,
-    disk: FileDisk,
+    agreement: CucsEnd,
+    disk: GuardDisk,
+    /// The disk has made changes durable, or has failed to.
+    stored: Arc<Notify>,
     clock: Clock,
     /// Time since boot.
     started: Duration,
@@ -67,27 +79,83 @@ pub struct GuardProxy {
     logged: (u64, u64),
 }
 
+/// The files of a guard. Threads of their own synchronise them.
+#[derive(Debug)]
+struct GuardDisk {
+    /// The ceilings of the clocks.
+    store: QueuedDisk,
+    /// The keys, and the record of the exchange.
+    ordered: OrderedKeys,
+}
+
+impl GuardDisk {
+    /// What the exchange reads and writes.
+    fn for_exchange(&mut self) -> CucsFiles<'_> {
+        let OrderedKeys { keys, records, .. } = &mut self.ordered;
+        CucsFiles {
+            store: &mut self.store,
+            records: Some(records),
+            keys,
+        }
+    }
+
+    /// Whether all that was written is durable. The ceiling of a key's clock, too: the VSM may use the key as soon as it has it,
+    /// and what is sealed under it then must not wait.
+    fn is_stored(&self) -> bool {
+        let clocks = Changes {
+            after: 0,
+            until: self.store.queued(),
+        };
+        self.ordered.files.is_durable() && self.store.progress(clocks) == Progress::Durable
+    }
+
+    /// Waits for the last writes, at the end.
+    fn finish(&mut self) {
+        let end = Instant::now() + LAST_WRITES;
+        self.store.wait(LAST_WRITES);
+        self.ordered.files.wait(end);
+    }
+}
+
 impl GuardProxy {
     /// Opens key, store and sockets.
     ///
     /// # Errors
     /// Any of them cannot be opened.
     pub async fn open(config: GuardConfig) -> Result<GuardProxy, GuardError> {
+        GuardProxy::open_on(config, FileDisk::open).await
+    }
+
+    /// As [`GuardProxy::open`], with the store opened by `open`.
+    ///
+    /// # Errors
+    /// As [`GuardProxy::open`].
+    pub async fn open_on(
+        config: GuardConfig,
+        open: impl FnOnce(&Path) -> Result<FileDisk, OpenError>,
+    ) -> Result<GuardProxy, GuardError> {
         if !config.listen.ip().is_loopback() {
             return Err(GuardError::Open(config.listen));
         }
         let (clock, started) = (Clock::default(), since_boot());
         let now = clock.now();
         let side = &config.side;
-        let mut disk = FileDisk::open(&side.store)?;
-        let agreement = Agreement::open(side, None, now, &mut disk)?;
-        let keys = keys(&agreement)?;
-        if keys.is_empty() {
+        let mut store = open(&side.store)?;
+        let (agreement, keys) = open_agreement(side, None, now, &mut store)?;
+        let held = held(&keys)?;
+        if held.is_empty() {
             let path = side.key_file.clone();
             return Err(KeyFileError::Absent { path }.into());
         }
         let ids = (side.cucs, side.vsm);
-        let end = GuardEnd::new(ids, Direction::ToVsm, keys, NOT_BEFORE, now, &mut disk)?;
+        // The first ceilings are durable when this returns: the first datagram of the CUCS is sent at once.
+        let end = GuardEnd::new(ids, Direction::ToVsm, held, NOT_BEFORE, now, &mut store)?;
+        // From here on no datagram waits for the disk.
+        let stored = Arc::new(Notify::new());
+        let disk = GuardDisk {
+            ordered: OrderedKeys::start(keys, &store, stored.clone()),
+            store: QueuedDisk::new(store, stored.clone()).map_err(GuardError::Writer)?,
+        };
         let member = match &config.group {
             None => None,
             Some(group) => Some(join(group)?),
@@ -101,6 +169,7 @@ impl GuardProxy {
             end,
             agreement,
             disk,
+            stored,
             clock,
             started,
             cucs: None,
@@ -133,17 +202,19 @@ impl GuardProxy {
         second.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let (mut near, mut far, mut all) = ([0; ROOM], [0; ROOM], [0; ROOM]);
         let mut out = [0; MAX_GUARDED];
+        let stored = self.stored.clone();
         tokio::pin!(stop);
         loop {
             self.agree(&mut out).await;
-            let due = self.agreement.end.poll_timeout();
+            let due = self.agreement.poll_timeout();
             let due = due.map_or(IDLE, |at| at.saturating_sub(self.now().mono));
             tokio::select! {
-                () = &mut stop => return self.report(),
+                () = &mut stop => break,
+                () = stored.notified() => drop(self.disk.store.poll()),
                 () = tokio::time::sleep(due.max(SHORTEST)) => {}
                 _ = second.tick() => {
                     let now = self.now();
-                    self.end.keep(now, &mut self.disk);
+                    self.end.keep(now, &mut self.disk.store);
                     self.log_changes();
                 }
                 received = self.near.recv_from(&mut near) => match received {
@@ -181,24 +252,17 @@ impl GuardProxy {
                 },
             }
         }
+        self.disk.finish();
+        self.report();
     }
 
     /// Sends exchange messages that are due, and handles received ones.
     async fn agree(&mut self, out: &mut [u8; MAX_GUARDED]) {
         let now = self.now();
-        self.agreement.handle_timeout(now, &mut self.disk);
-        while let Some(step) = self.agreement.end.poll_transmit() {
-            self.send(&self.far, &step, self.config.side.to).await;
-        }
-        // A probe under the next key shows whether the VSM has it.
-        if self.agreement.end.takes_probe(now.mono)
-            && let Ok(Some(next)) = self.agreement.keys.next()
-            && let Ok(length) = self.end.probe(next.id(), now, out, &mut self.disk)
-        {
-            let probe = out.get(..length).unwrap_or_default();
-            self.send(&self.far, probe, self.config.side.to).await;
-        }
-        while let Some(news) = self.agreement.end.poll_news() {
+        let mut files = self.disk.for_exchange();
+        self.agreement
+            .handle_timeout(now, &mut system_random, &mut files);
+        while let Some(news) = self.agreement.poll_news() {
             match &news {
                 CucsNews::InForce(key, _) => tracing::info!("key {key} is in force"),
                 CucsNews::Waiting => tracing::info!("agreeing on a new key"),
@@ -221,25 +285,36 @@ impl GuardProxy {
                 self.take_keys(now);
             }
         }
+        // Persist, then send: the writes may be on their way to a slow disk, that of a new key's ceiling among them.
+        while self.disk.is_stored()
+            && let Some(step) = self.agreement.poll_transmit()
+        {
+            self.send(&self.far, &step, self.config.side.to).await;
+        }
+        // A probe under the next key shows whether the VSM has it.
+        if self.agreement.takes_probe(now.mono)
+            && let Ok(Some(next)) = self.disk.ordered.keys.next()
+            && let Ok(length) = self.end.probe(next.id(), now, out, &mut self.disk.store)
+        {
+            let probe = out.get(..length).unwrap_or_default();
+            self.send(&self.far, probe, self.config.side.to).await;
+        }
     }
 
     /// Uses the present key files. The previous key is accepted for a while, since datagrams under it may still be in
     /// transit.
     fn take_keys(&mut self, now: Now) {
-        let kept = keys(&self.agreement).map_err(|fault| fault.to_string());
+        let keys = &self.disk.ordered.keys;
+        let kept = held(keys).map_err(|fault| fault.to_string());
         let kept = kept.and_then(|mut kept| {
-            let before = self
-                .agreement
-                .keys
-                .previous()
-                .map_err(|fault| fault.to_string())?;
+            let before = keys.previous().map_err(|fault| fault.to_string())?;
             let new = |one: &SigningKey| kept.iter().all(|(key, _)| !key.same_as(one));
             let was = |one: &SigningKey| self.end.has(one.id());
             if let Some(before) = before.filter(new).filter(was) {
                 kept.push((before, Some(now.mono + STILL_BELIEVED)));
             }
-            let disk = &mut self.disk;
-            let set = self.end.set_keys(kept, NOT_BEFORE, now, disk);
+            let store = &mut self.disk.store;
+            let set = self.end.set_keys(kept, NOT_BEFORE, now, store);
             set.map_err(|fault| fault.to_string())
         });
         if let Err(why) = kept {
@@ -271,7 +346,7 @@ impl GuardProxy {
         }
         // Remembered only after the checks: the answers go there.
         self.cucs = Some(from);
-        match self.end.seal(now, bytes, out, &mut self.disk) {
+        match self.end.seal(now, bytes, out, &mut self.disk.store) {
             Ok(length) => Some(length),
             Err(cause) => {
                 self.dropped.count("no stamp");
@@ -287,14 +362,15 @@ impl GuardProxy {
         // A sealed datagram may also begin as an exchange step does.
         let Some(guarded) = Guarded::parse(bytes) else {
             if let Some(about) = ClockDatagram::parse(bytes) {
-                let answer = self.end.take_clock(now, &about, out, &mut self.disk);
+                let store = &mut self.disk.store;
+                let answer = self.end.take_clock(now, &about, out, store);
                 if let Some(moved) = self.end.take_met() {
                     tracing::warn!("{moved}");
                 }
                 return answer.ok().flatten().map_or(Answer::None, Answer::ToVsm);
             }
             match ExchangeDatagram::parse(bytes) {
-                Some(step) => self.agreement.handle(now, false, &step, &mut self.disk),
+                Some(step) => self.take_step(now, false, &step),
                 None => self.dropped.count("no trailer"),
             }
             return Answer::None;
@@ -302,9 +378,11 @@ impl GuardProxy {
         let from = (self.config.side.to, None);
         // Unsealed datagrams are handled above: they are steps of the exchange or about clocks, and prove nothing by
         // themselves.
-        let opened = self.end.open_from(now, &guarded, from, &mut self.disk);
+        let store = &mut self.disk.store;
+        let opened = self.end.open_from(now, &guarded, from, store);
         if let Ok((_, key)) = opened {
-            self.agreement.key_in_use(now, key, &mut self.disk);
+            let mut files = self.disk.for_exchange();
+            self.agreement.key_in_use(now, key, &mut files);
         }
         match opened.map(|(inside, _)| inside) {
             Ok([]) => Answer::None,
@@ -322,7 +400,7 @@ impl GuardProxy {
             }
             Ok(inside) if ExchangeDatagram::parse(inside).is_some() => {
                 if let Some(step) = ExchangeDatagram::parse(inside) {
-                    self.agreement.handle(now, true, &step, &mut self.disk);
+                    self.take_step(now, true, &step);
                 }
                 Answer::None
             }
@@ -334,11 +412,17 @@ impl GuardProxy {
                 }
             },
             Err(why) if why.wants_reply() => {
-                let reply = self.end.reply(now, out, &mut self.disk);
+                let reply = self.end.reply(now, out, &mut self.disk.store);
                 reply.map_or(Answer::None, Answer::ToVsm)
             }
             Err(_) => Answer::None,
         }
+    }
+
+    fn take_step(&mut self, now: Now, verified: bool, step: &ExchangeDatagram<'_>) {
+        let mut files = self.disk.for_exchange();
+        // The reason for ignoring a step matters only to its sender.
+        let _ = self.agreement.handle(now, verified, step, &mut files);
     }
 
     /// The part of a group datagram that goes to the CUCS, and where that is.
@@ -449,9 +533,10 @@ fn join(group: &Group) -> Result<UdpSocket, GuardError> {
     joined.map_err(|cause| GuardError::Bind { at, cause })
 }
 
-/// The keys of a guard, the current one first.
-fn keys(agreement: &Agreement) -> Result<Vec<GuardKeyUntil>, KeyStoreError> {
-    let held = agreement.held()?.into_iter();
+/// The keys that a guard seals and verifies under: the current one, and one that the VSM may have; only the latter if there is no
+/// current one.
+fn held(keys: &KeyStore) -> Result<Vec<GuardKeyUntil>, KeyStoreError> {
+    let held = [keys.current()?, keys.next()?].into_iter().flatten();
     Ok(held.map(|key| (key, None)).collect())
 }
 

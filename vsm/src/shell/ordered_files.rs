@@ -1,5 +1,5 @@
-//! Files that a thread writes one step after the other, so that nobody waits for the disk: for the keys of a vehicle, whose
-//! files depend on each other, and for the records of the key exchange.
+//! Files that a thread writes one step after the other, so that nobody waits for the disk: for the keys of a vehicle, or of a guard,
+//! whose files depend on each other, and for the records of the key exchange.
 //!
 //! Each vehicle has a thread of its own, so that a disk which hangs under one vehicle's files holds up no other's. It is there only
 //! while there is something to write: with a thousand vehicles a thousand threads would sleep until the next change of a key.
@@ -255,7 +255,7 @@ impl FileSystem for OrderedFiles {
     }
 }
 
-/// The keys of a vehicle and what the exchange keeps of it, written by one thread.
+/// The keys of a vehicle, or of a guard, and what the exchange keeps of it, written by one thread.
 #[derive(Debug)]
 pub struct OrderedKeys {
     /// The key files.

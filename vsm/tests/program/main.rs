@@ -17,6 +17,7 @@ mod demo_wings;
 mod doctor;
 mod every_subcommand;
 mod files;
+mod guard_on_a_slow_disk;
 mod init;
 mod logging;
 mod many_vehicles;

@@ -296,12 +296,13 @@ impl World {
         let keys = KeyStore::open_on(&path, Box::new(writes.clone())).unwrap();
         let (store, stamps) = disks;
         let mut store = Records(store, writes.clone());
-        let files = CucsFiles {
+        let mut files = CucsFiles {
             store: &mut store,
+            records: None,
             keys: &keys,
         };
         let own = self.identities[1].duplicate();
-        let end = CucsEnd::new((CUCS, VSM), own, code, self.clock(), &files).unwrap();
+        let end = CucsEnd::new((CUCS, VSM), own, code, self.clock(), &mut files).unwrap();
         let mut cucs = Cucs {
             end,
             keys,
@@ -518,7 +519,11 @@ impl World {
             stamps,
             ..
         } = cucs;
-        let mut files = CucsFiles { store, keys };
+        let mut files = CucsFiles {
+            store,
+            records: None,
+            keys,
+        };
         let (Some(guarded), Some(guard)) = (Guarded::parse(bytes), guard) else {
             if let Some(step) = ExchangeDatagram::parse(bytes) {
                 let _ = end.handle(now, false, &step, &mut files);
@@ -562,7 +567,11 @@ impl World {
             let Cucs {
                 end, keys, store, ..
             } = cucs;
-            let mut files = CucsFiles { store, keys };
+            let mut files = CucsFiles {
+                store,
+                records: None,
+                keys,
+            };
             end.handle_timeout(now, &mut random.fill(), &mut files);
             let mut keyed = false;
             while let Some(news) = cucs.end.poll_news() {
