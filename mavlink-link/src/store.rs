@@ -84,6 +84,15 @@ pub trait Disk {
         durability: Durability,
     ) -> Result<(), StoreError>;
 
+    /// Replaces a log by a shorter one that says the same. Where that takes time, what is appended meanwhile is in both, and
+    /// nothing waits for it: a process that ends in between leaves one of them, whole.
+    ///
+    /// # Errors
+    /// The log is as it was.
+    fn compact(&mut self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        self.replace(name, bytes, Durability::Process)
+    }
+
     /// Moves a file into the place of another, durably. Does nothing if `from` does not exist.
     ///
     /// # Errors
@@ -195,7 +204,7 @@ impl Changes {
 /// How far changes are on their way to the disk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
-    /// All of them would survive a power cut.
+    /// All of them survive what they must: see [`Durability`].
     Durable,
     /// They are on their way.
     Waiting,
@@ -206,8 +215,12 @@ pub enum Progress {
 /// What a record must survive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Durability {
-    /// The end of this process, `kill -9` too.
+    /// The end of this process, `kill -9` too, from the return of the call on: what follows cannot wait, such as a command
+    /// to the vehicle.
     Process,
+    /// The same, but on a disk that queues only once its change is [`Progress::Durable`]: nothing but an answer follows,
+    /// which waits for that.
+    Answered,
     /// A power cut as well: synchronised to the disk before the call returns, or, on a disk that queues, once
     /// its change is [`Progress::Durable`].
     Power,

@@ -465,7 +465,8 @@ fn same_port(to: SocketAddr, record: &str, store: &mut dyn Disk) -> io::Result<U
     let socket = udp(SocketAddr::new(any, 0))?;
     let port = socket.local_addr()?.port();
     // Not worth refusing the start: only a PX4 that runs longer than this bridge would not answer the next one.
-    if let Err(fault) = store.replace(record, format!("{port}\n").as_bytes(), Durability::Process) {
+    if let Err(fault) = store.replace(record, format!("{port}\n").as_bytes(), Durability::Answered)
+    {
         tracing::warn!("the local port {port} cannot be kept for a restart: {fault}");
     }
     Ok(socket)

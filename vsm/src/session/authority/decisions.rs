@@ -127,7 +127,7 @@ impl AuthorityMachine {
             return true;
         }
         let (monitors, commands) = self.allowances.entry(asker).or_default();
-        if durability(decision) == Durability::Process {
+        if durability(decision) == Durability::Answered {
             return monitors.take(context.mono(), MONITORS);
         }
         commands.take(context.mono(), RIGHTS)

@@ -292,7 +292,7 @@ impl AuthorityRecord {
         let moved = station.proven && self.places.get(&id).copied() != here;
         let durability = match (beats, moved) {
             (true, _) => Durability::Power,
-            (false, true) => Durability::Process,
+            (false, true) => Durability::Answered,
             (false, false) => return,
         };
         if let Err(fault) = self.store(rights, durability, context, effects) {
@@ -383,9 +383,9 @@ impl AuthorityRecord {
     /// Writes the counted changes of monitors when they are due.
     pub(super) fn write_repetitions(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         while let Some(entry) = self.repetitions.due(context.mono()) {
-            let process = Durability::Process;
+            let answered = Durability::Answered;
             if self
-                .write_audit(Kind::Monitors, &entry, process, context, effects)
+                .write_audit(Kind::Monitors, &entry, answered, context, effects)
                 .is_err()
             {
                 // They are written with the next line; a full disk has its own alerts.
@@ -535,7 +535,7 @@ pub(crate) fn examine(
 
 /// Rights and requests that must survive a power cut: every right to command, and every request for one. LOI 2 commands
 /// nothing and may be requested and released at any rate: synchronising the disk for it would let one station slow down all
-/// others.
+/// others, and so would writing it while they wait.
 pub(super) fn durability(decision: &Decision) -> Durability {
     let commands = |rights: Rights| !rights.without(Rights::monitor()).is_empty();
     let weighs = |change: &Change| commands(change.lost) || commands(change.gained);
@@ -544,7 +544,7 @@ pub(super) fn durability(decision: &Decision) -> Durability {
         && decision.ended.is_empty()
         && !decision.changes.iter().any(weighs);
     if status_only {
-        Durability::Process
+        Durability::Answered
     } else {
         Durability::Power
     }

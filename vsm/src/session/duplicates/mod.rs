@@ -248,7 +248,7 @@ impl Remembered {
         self.recent.commands.retain(|seen| seen.digest != digest);
     }
 
-    /// Rewrites the whole log, without replaced lines.
+    /// Rewrites the whole log, without replaced lines. Every line of it is in the log already.
     ///
     /// # Errors
     /// The log is unchanged.
@@ -267,7 +267,7 @@ impl Remembered {
             write_line(&mut whole, seen);
         }
         self.lines = whole.lines().count();
-        disk.replace(&log_file(station), whole.as_bytes(), Durability::Process)
+        disk.compact(&log_file(station), whole.as_bytes())
     }
 
     fn log(&mut self, station: Id, seen: &Seen, disk: &mut dyn Disk) -> Result<(), StoreError> {
@@ -302,14 +302,17 @@ impl Remembered {
 
     /// Appends `self.line`.
     fn append(&mut self, station: Id, disk: &mut dyn Disk) -> Result<(), StoreError> {
-        self.lines += 1;
-        if self.lines > MAX_LINES {
-            return self.compact(station, disk);
-        }
         if self.log_name.is_empty() {
             self.log_name = log_file(station);
         }
-        disk.append(&self.log_name, self.line.as_bytes(), Durability::Process)
+        // First, since a command follows at once, and a log may be rewritten later.
+        disk.append(&self.log_name, self.line.as_bytes(), Durability::Process)?;
+        self.lines += 1;
+        if self.lines > MAX_LINES {
+            // One that cannot be rewritten stays longer, and is tried again as many lines later.
+            let _ = self.compact(station, disk);
+        }
+        Ok(())
     }
 
     /// The latest commands of a log, and the stamps of those before. A line that cannot be read, as the last may be after

@@ -1,6 +1,7 @@
 //! Logs that are read back, and stations over years of their clocks: at random, with losses, replays and restarts.
 
 use mavlink_link::store::MemoryDisk;
+use zeroize::Zeroizing;
 
 use super::*;
 
@@ -60,6 +61,45 @@ fn of_what_is_no_longer_remembered_the_stamp_stays() {
     assert_eq!(commands[0].digest.0[..8], 10_usize.to_be_bytes());
     let used = |n: u64| known.used.contains(TimeStamp(1_000_000 * n));
     assert!((0..10).all(used) && !(10..4_000).any(used));
+}
+
+/// A disk that makes no log shorter, as one without room beside it.
+#[derive(Default)]
+struct Longer(MemoryDisk);
+
+impl Disk for Longer {
+    fn read(&self, name: &str, most: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
+        self.0.read(name, most)
+    }
+
+    fn replace(&mut self, name: &str, _: &[u8], _: Durability) -> Result<(), StoreError> {
+        Err(StoreError::new(name, "No space left on device"))
+    }
+
+    fn append(&mut self, name: &str, bytes: &[u8], of: Durability) -> Result<(), StoreError> {
+        self.0.append(name, bytes, of)
+    }
+
+    fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
+        self.0.rename(from, to)
+    }
+
+    fn remove(&mut self, name: &str) -> Result<(), StoreError> {
+        self.0.remove(name)
+    }
+}
+
+#[test]
+fn every_line_is_in_a_log_that_cannot_be_made_shorter() {
+    let (mut remembered, mut disk) = (Remembered::default(), Longer::default());
+    let count = MAX_LINES + 5;
+    for n in 0..count {
+        let mut one = seen(1, None);
+        one.digest.0[..8].copy_from_slice(&n.to_be_bytes());
+        remembered.log(STATION, &one, &mut disk).unwrap();
+    }
+    let log = String::from_utf8_lossy(&disk.0.records[&log_file(STATION)]).into_owned();
+    assert_eq!(log.lines().count(), count);
 }
 
 /// A station over years of its clock, recorded by somebody: what it sends, when it arrives, what is lost, replayed and

@@ -140,7 +140,7 @@ struct Record {
     pascal: f64,
 }
 
-vehicle_record!(Record, "altimeter", Process);
+vehicle_record!(Record, "altimeter", Answered);
 
 /// The altimeter setting for a command: its own if it has one, otherwise the `present` one. 0 is what a full presence vector
 /// carries for none.

@@ -10,7 +10,7 @@ pub(crate) struct LinkId(pub(crate) Option<u8>);
 
 impl Record for LinkId {
     type Key = Id;
-    const DURABILITY: Durability = Durability::Process;
+    const DURABILITY: Durability = Durability::Answered;
 
     fn name(vehicle: &Id) -> String {
         format!("link-id-{:08x}.json", vehicle.0)

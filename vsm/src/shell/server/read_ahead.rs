@@ -103,6 +103,10 @@ impl Disk for Ahead<'_> {
         self.change(name).append(name, bytes, durability)
     }
 
+    fn compact(&mut self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        self.change(name).compact(name, bytes)
+    }
+
     fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
         self.change(to);
         self.change(from).rename(from, to)

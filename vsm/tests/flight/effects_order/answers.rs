@@ -31,8 +31,8 @@ fn levels_that_command_nothing_need_not_outlive_a_power_cut() {
         &trace,
         &[
             "disk append commands-1b0000a0.log Process",
-            "disk append audit-monitors-1b000101.log Process",
-            "disk save authority-1b000101.json Process",
+            "disk append audit-monitors-1b000101.log Answered",
+            "disk save authority-1b000101.json Answered",
             "disk append commands-1b0000a0.log Process",
             "A 3",
             "A 16000 Nominal Comms 4 new",

@@ -152,7 +152,7 @@ fn one_timeout_after_a_restart_in_the_middle_of_a_launch() {
             // 10: the vehicle may hold areas of this VSM.
             "disk save areas-1b000101.json Process",
             // 16: the vehicle's link id.
-            "disk save link-id-1b000101.json Process",
+            "disk save link-id-1b000101.json Answered",
             // 5: the vehicle holds another mission.
             "A 16000 Warning Comms 5 new",
             // 6: the launch that was cut off has taken it up.
