@@ -22,7 +22,7 @@ use mavlink_link::exchange::PublicKey;
 use mavlink_link::store::{
     Changes, Disk, Durability, MAX_RECORD_BYTES, Progress, Record, StoreError,
 };
-use rustix::fs::FlockOperation;
+use rustix::fs::{FlockOperation, StatVfs, StatVfsMountFlags};
 use rustix::io::Errno;
 use rustix::process::geteuid;
 use zeroize::Zeroizing;
@@ -42,13 +42,13 @@ pub struct FileDisk {
 
 /// What was added to a log.
 #[derive(Debug)]
-pub(super) struct Added {
+pub struct Added {
     /// The log, open.
-    pub(super) file: File,
+    pub file: File,
     /// Its previous length.
-    pub(super) start: u64,
+    pub start: u64,
     /// It is a new log, whose name is not durable yet.
-    pub(super) new: bool,
+    pub new: bool,
 }
 
 /// A folder has the name under which a file is written before it gets its place, so that this file can never be replaced.
@@ -236,22 +236,19 @@ impl FileDisk {
         self.folder.join(name).exists()
     }
 
-    /// Appends to a log without synchronising it. After a failure nothing has been appended, or, if that cannot be undone
-    /// either, a part: the next start finds an incomplete line and closes it.
+    /// The length of a file; 0 where there is none.
+    pub(super) fn length(&self, name: &str) -> u64 {
+        length(&self.folder.join(name))
+    }
+
+    /// Appends to a log without synchronising it, as [`FileSystem::add`].
     pub(super) fn add(&self, name: &str, bytes: &[u8]) -> io::Result<Added> {
-        // Not `FileSystem::write`, which replaces the file.
-        let path = self.folder.join(name);
-        let new = !path.exists();
-        let mut how = OpenOptions::new();
-        how.append(true).create(true).mode(0o600);
-        let mut file = ownership::open_no_link(&mut how, &path)?;
-        let start = file.metadata()?.len();
-        if let Err(cause) = file.write_all(bytes) {
-            // Otherwise the next line would follow a part of this one.
-            let _ = file.set_len(start);
-            return Err(cause);
-        }
-        Ok(Added { file, start, new })
+        self.system.add(&self.folder.join(name), bytes)
+    }
+
+    /// Opens a log that is there, to append to it.
+    pub(super) fn open_log(&self, name: &str) -> io::Result<File> {
+        ownership::open_no_link(OpenOptions::new().append(true), &self.folder.join(name))
     }
 
     /// Renames a file over another without synchronising the folder. Returns false if the file does not exist: the rotation
@@ -419,6 +416,36 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
     /// The system's; part of the bytes may have been written.
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()>;
 
+    /// Appends to a log, which is created if missing, without synchronising it. After a failure nothing has been appended, or,
+    /// if that cannot be undone either, a part: the next start finds an incomplete line and closes it.
+    ///
+    /// # Errors
+    /// The system's.
+    fn add(&self, path: &Path, bytes: &[u8]) -> io::Result<Added> {
+        // To open a file that may have to be made waits for whoever changes names in its folder, and a disk may take long
+        // for that.
+        let mut how = OpenOptions::new();
+        how.append(true).mode(0o600);
+        let (mut file, new) = match ownership::open_no_link(&mut how, path) {
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => {
+                (ownership::open_no_link(how.create(true), path)?, true)
+            }
+            opened => (opened?, false),
+        };
+        let start = append_to(&mut file, bytes)?;
+        Ok(Added { file, start, new })
+    }
+
+    /// Whether so many bytes more find room in a folder; 0 asks only whether anything can be changed there. A number that the
+    /// system has in memory: it waits for no disk, and what is written later may still fail, since others use the room too.
+    ///
+    /// # Errors
+    /// It is full, or read-only.
+    fn check_room(&self, folder: &Path, bytes: u64) -> io::Result<()> {
+        let _ = (folder, bytes);
+        Ok(())
+    }
+
     /// Brings a file, or the names in a folder, to the disk.
     ///
     /// # Errors
@@ -520,6 +547,18 @@ impl FileSystem for NativeFileSystem {
             .open(path)?;
         ownership::keep_owner(&file, &place_of(path))?;
         file.write_all(bytes)
+    }
+
+    fn check_room(&self, folder: &Path, bytes: u64) -> io::Result<()> {
+        let about = rustix::fs::statvfs(folder)?;
+        if about.f_flag.contains(StatVfsMountFlags::RDONLY) {
+            return Err(Errno::ROFS.into());
+        }
+        let needed = bytes.saturating_add(MIN_FREE_BYTES);
+        if bytes > 0 && free_bytes(&about).is_some_and(|free| free < needed) {
+            return Err(Errno::NOSPC.into());
+        }
+        Ok(())
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
@@ -698,9 +737,36 @@ pub(super) fn probe(folder: &Path) -> io::Result<()> {
 /// How many bytes are free on the disk of a store's folder, where it has no room left, and the system says so.
 pub(super) fn is_full(folder: &Path) -> Option<u64> {
     let about = rustix::fs::statvfs(folder).ok()?;
-    let free = about.f_bavail.saturating_mul(about.f_frsize);
-    // Some file systems count no blocks.
-    (about.f_blocks > 0 && free < MIN_FREE_BYTES).then_some(free)
+    free_bytes(&about).filter(|free| *free < MIN_FREE_BYTES)
+}
+
+/// How many bytes are free for this user; `None` where the file system counts none.
+fn free_bytes(about: &StatVfs) -> Option<u64> {
+    // What a file system keeps for root is there for root.
+    let free = match geteuid().is_root() {
+        true => about.f_bfree,
+        false => about.f_bavail,
+    };
+    (about.f_blocks > 0).then(|| free.saturating_mul(about.f_frsize))
+}
+
+/// The length of a file; 0 where there is none.
+pub(super) fn length(path: &Path) -> u64 {
+    fs::metadata(path).map_or(0, |about| about.len())
+}
+
+/// Appends to an open log, and returns its previous length. After a failure nothing has been appended, if that can be undone.
+///
+/// # Errors
+/// The system's.
+pub(super) fn append_to(file: &mut File, bytes: &[u8]) -> io::Result<u64> {
+    let start = file.metadata()?.len();
+    if let Err(cause) = file.write_all(bytes) {
+        // Otherwise the next line would follow a part of this one.
+        let _ = file.set_len(start);
+        return Err(cause);
+    }
+    Ok(start)
 }
 
 /// Whether a store contains an order to zeroize. An unreadable one counts too: such a store must not be served.

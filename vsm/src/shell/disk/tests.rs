@@ -70,3 +70,33 @@ fn what_another_process_holds_can_be_shown() {
     let made = identity(&mut disk, &mut system_random).unwrap().public();
     assert_eq!(peek_identity(&dir), Some(made));
 }
+
+#[test]
+fn a_disk_without_room_is_known_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let free = free_bytes(&rustix::fs::statvfs(folder.path()).unwrap()).unwrap();
+    assert!(free > 4 * MIN_FREE_BYTES, "{free} bytes free for this test");
+    let room = |bytes: u64| NativeFileSystem.check_room(folder.path(), bytes);
+    room(MIN_FREE_BYTES).unwrap();
+    for bytes in [2 * free, u64::MAX] {
+        let text = room(bytes).unwrap_err().to_string();
+        assert!(text.contains("No space left on device"), "{text}");
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_line_is_added_to_a_log_that_is_there_or_begins_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log");
+    for (line, new, start) in [("1\n", true, 0), ("2\n", false, 2)] {
+        let added = NativeFileSystem.add(&path, line.as_bytes()).unwrap();
+        assert_eq!((added.new, added.start), (new, start));
+    }
+    assert_eq!(fs::read(&path).unwrap(), b"1\n2\n");
+    // Not where a link leads to.
+    let link = folder.path().join("link");
+    std::os::unix::fs::symlink(folder.path().join("target"), &link).unwrap();
+    NativeFileSystem.add(&link, b"1\n").unwrap_err();
+    assert!(!folder.path().join("target").exists());
+}

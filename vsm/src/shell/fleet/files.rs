@@ -374,6 +374,10 @@ impl FileSystem for SharedFiles {
         Ok(())
     }
 
+    fn check_room(&self, folder: &Path, bytes: u64) -> io::Result<()> {
+        NativeFileSystem.check_room(folder, bytes)
+    }
+
     fn sync_open(&self, file: &File) -> io::Result<()> {
         file.sync_data()?;
         // The log may have been rotated since it was opened; the system knows its present name.
