@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use stanag_msgs::{Id, frames};
 
-use super::recording::{Quota, RecordFile};
+use super::recording::{Quota, RecordFile, Recorder};
 use crate::session::Counters;
 use stanag_msgs::pcapng;
 
@@ -27,15 +27,16 @@ impl DliRecording {
     /// Begins a file in `folder`, named by the time, for these ground stations.
     ///
     /// # Errors
-    /// The folder or the file cannot be made, or the folder is open to others.
+    /// The folder or the file cannot be made, the folder is open to others, or there can be no thread.
     pub fn begin(
         folder: &Path,
         stations: Vec<Id>,
         wall: Duration,
         quota: Quota,
+        recorder: &Recorder,
     ) -> io::Result<DliRecording> {
-        let head = pcapng::header();
-        let file = RecordFile::begin(folder, "dli", "pcapng", head, wall, quota)?;
+        let place = (folder, "dli", "pcapng");
+        let file = RecordFile::begin(place, pcapng::header(), wall, quota, recorder)?;
         Ok(DliRecording {
             file,
             stations,
@@ -68,7 +69,7 @@ impl DliRecording {
         self.file.count(counters);
     }
 
-    /// Writes buffered data to the disk.
+    /// Passes what is buffered to the thread.
     pub fn flush(&mut self) {
         self.file.flush();
     }

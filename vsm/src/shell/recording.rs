@@ -1,10 +1,14 @@
-//! The MAVLink recording of one vehicle: a .tlog, keys blanked and signatures stripped.
+//! The MAVLink recording of one vehicle: a .tlog, keys blanked and signatures stripped. And how any recording is written: by a
+//! thread for all of them ([`Recorder`]), so that nobody waits for the disk.
 
 use std::fs::{self, DirBuilder, File, OpenOptions};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
 
 use mavlink_link::frame::FrameView;
 use mavlink_link::store::remedy;
@@ -38,12 +42,115 @@ impl Quota {
     }
 }
 
+/// The thread that writes recordings. It is there once one was begun, until the last one and all clones of this are dropped.
+#[derive(Debug, Clone, Default)]
+pub struct Recorder {
+    thread: Arc<Mutex<Option<Sender<Work>>>>,
+    /// Bytes and pieces of work that wait for it.
+    waiting: Arc<AtomicU64>,
+}
+
+/// What the thread does next.
+#[derive(Debug)]
+struct Work {
+    series: Arc<Mutex<Series>>,
+    /// Another file of the series begins before this.
+    next: bool,
+    bytes: Vec<u8>,
+}
+
+impl Work {
+    fn size(&self) -> u64 {
+        self.bytes.len() as u64 + 1
+    }
+}
+
+impl Recorder {
+    /// Waits until all that was passed on is written; false if that takes longer.
+    pub fn wait(&self, until: Instant) -> bool {
+        while self.waiting.load(Ordering::Acquire) > 0 {
+            if Instant::now() >= until {
+                return false;
+            }
+            std::thread::sleep(LOOK_AGAIN);
+        }
+        true
+    }
+
+    fn start(&self) -> io::Result<Sender<Work>> {
+        let mut thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(work) = &*thread {
+            return Ok(work.clone());
+        }
+        let (work, receiver) = channel();
+        let waiting = self.waiting.clone();
+        std::thread::Builder::new()
+            .name("recorder".to_owned())
+            .spawn(move || record(&receiver, &waiting))?;
+        *thread = Some(work.clone());
+        Ok(work)
+    }
+}
+
+/// The thread.
+fn record(work: &Receiver<Work>, waiting: &AtomicU64) {
+    for one in work {
+        let mut series = locked(&one.series);
+        if one.next {
+            let begun = series.next_file();
+            series.see(begun);
+        }
+        series.write(&one.bytes);
+        drop(series);
+        waiting.fetch_sub(one.size(), Ordering::Release);
+    }
+}
+
+fn locked(series: &Mutex<Series>) -> MutexGuard<'_, Series> {
+    // A panic of the thread leaves a recording that is cut off.
+    series.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// A series of files, written for as long as that works: a recording must not stop a flight.
 ///
 /// Anyone who can send to this computer influences the size of a recording, so its rate and total size are bounded. Beyond
 /// [`RATE`] bytes a second datagrams are not recorded, and the oldest files of the series make room for new ones.
 #[derive(Debug)]
 pub(super) struct RecordFile {
+    recorder: Recorder,
+    thread: Sender<Work>,
+    series: Arc<Mutex<Series>>,
+    counts: Arc<Counts>,
+    /// The first file of this run, to name the recording by.
+    first: PathBuf,
+    /// Whole records that the thread does not have yet, and how many.
+    buffer: Vec<u8>,
+    records: u64,
+    /// Another file begins with them.
+    next: bool,
+    /// The length of the present file, once all is written.
+    written: u64,
+    /// The length of what each file begins with.
+    head: u64,
+    quota: Quota,
+    /// Bytes that may be written at once, and when that was computed.
+    allowance: (u64, Duration),
+    dropped: u64,
+    /// Records that the disk was too slow for.
+    late: u64,
+    reported_at: Option<Duration>,
+}
+
+/// What becomes of a series.
+#[derive(Debug, Default)]
+struct Counts {
+    failed: AtomicBool,
+    removed: AtomicU64,
+}
+
+/// The files, which the thread writes.
+#[derive(Debug)]
+struct Series {
     folder: PathBuf,
     /// `1b000101-1767225600`; behind it each file but the first of the series has its number, `-1` and so on.
     run: String,
@@ -54,16 +161,10 @@ pub(super) struct RecordFile {
     head: Vec<u8>,
     quota: Quota,
     path: PathBuf,
-    file: BufWriter<File>,
-    written: u64,
+    file: File,
     /// The number of the next file.
     next: u64,
-    /// Bytes that may be written at once, and when that was computed.
-    allowance: (u64, Duration),
-    failed: bool,
-    dropped: u64,
-    removed: u64,
-    reported_at: Option<Duration>,
+    counts: Arc<Counts>,
 }
 
 /// Whether a file can be begun in `folder`, as [`RecordFile::begin`] does.
@@ -79,17 +180,16 @@ pub(super) fn check(folder: &Path) -> io::Result<()> {
 }
 
 impl RecordFile {
-    /// Creates a file in `folder`, named by the recording and the time, readable for its owner alone.
+    /// Creates a file in `folder`, named by the recording and the time, readable for its owner alone. Blocks.
     ///
     /// # Errors
-    /// The folder or the file cannot be made, or the folder is open to others.
+    /// The folder or the file cannot be made, the folder is open to others, or there can be no thread.
     pub(super) fn begin(
-        folder: &Path,
-        name: &str,
-        extension: &'static str,
+        (folder, name, extension): (&Path, &str, &'static str),
         head: Vec<u8>,
         wall: Duration,
         quota: Quota,
+        recorder: &Recorder,
     ) -> io::Result<RecordFile> {
         ownership::check_way(folder)?;
         DirBuilder::new()
@@ -104,7 +204,9 @@ impl RecordFile {
         let latest = before.iter().map(|(number, ..)| *number).max();
         let number = latest.map_or(0, |number| number.saturating_add(1));
         let (path, file) = create(folder, &run, number, extension)?;
-        let mut record = RecordFile {
+        let (first, written) = (path.clone(), head.len() as u64);
+        let counts = Arc::new(Counts::default());
+        let mut series = Series {
             folder: folder.to_owned(),
             run,
             series,
@@ -112,23 +214,34 @@ impl RecordFile {
             head,
             quota,
             path,
-            file: BufWriter::new(file),
-            written: 0,
+            file,
             next: number.saturating_add(1),
-            allowance: (BURST, wall),
-            failed: false,
-            dropped: 0,
-            removed: 0,
-            reported_at: None,
+            counts: counts.clone(),
         };
-        record.make_room();
-        record.start_file();
-        Ok(record)
+        series.make_room();
+        series.start_file();
+        Ok(RecordFile {
+            thread: recorder.start()?,
+            recorder: recorder.clone(),
+            series: Arc::new(Mutex::new(series)),
+            counts,
+            first,
+            buffer: Vec::new(),
+            records: 0,
+            next: false,
+            written,
+            head: written,
+            quota,
+            allowance: (BURST, wall),
+            dropped: 0,
+            late: 0,
+            reported_at: None,
+        })
     }
 
     /// Writes a record. After the first failure nothing more is written.
     pub(super) fn write(&mut self, wall: Duration, bytes: &[u8]) {
-        if self.failed {
+        if self.counts.failed.load(Ordering::Relaxed) {
             return;
         }
         let length = bytes.len() as u64;
@@ -138,29 +251,48 @@ impl RecordFile {
             return;
         }
         if self.written.saturating_add(length) > self.quota.file() {
-            let begun = self.next_file();
-            self.see(begun);
+            self.flush();
+            self.next = true;
+            self.written = self.head;
         }
-        if !self.failed {
-            self.written = self.written.saturating_add(length);
-            let done = self.file.write_all(bytes);
-            self.see(done);
+        self.written = self.written.saturating_add(length);
+        self.buffer.extend_from_slice(bytes);
+        self.records += 1;
+        if self.buffer.len() >= PIECE {
+            self.flush();
         }
     }
 
-    /// Writes buffered data to the disk.
+    /// Passes what is buffered to the thread, or drops it where the disk is too far behind.
     pub(super) fn flush(&mut self) {
-        if !self.failed {
-            let done = self.file.flush();
-            self.see(done);
+        if self.buffer.is_empty() {
+            return;
         }
+        let work = Work {
+            series: self.series.clone(),
+            next: self.next,
+            bytes: std::mem::take(&mut self.buffer),
+        };
+        let (records, size) = (std::mem::take(&mut self.records), work.size());
+        let waiting = &self.recorder.waiting;
+        if waiting.load(Ordering::Relaxed).saturating_add(size) > MAX_WAITING {
+            self.late = self.late.saturating_add(records);
+            return;
+        }
+        self.next = false;
+        waiting.fetch_add(size, Ordering::Relaxed);
+        // The thread ends after this.
+        let _ = self.thread.send(work);
     }
 
     /// Adds the counts of what was not recorded, and of what was removed again.
     pub(super) fn count(&self, counters: &mut Counters) {
+        let failed = self.counts.failed.load(Ordering::Relaxed);
+        let removed = self.counts.removed.load(Ordering::Relaxed);
         counters.add("not recorded: too much at once", self.dropped);
-        counters.add("file removed: over record.max_mb", self.removed);
-        counters.add("recording ended: disk", u64::from(self.failed));
+        counters.add("not recorded: the disk is too slow", self.late);
+        counters.add("file removed: over record.max_mb", removed);
+        counters.add("recording ended: disk", u64::from(failed));
     }
 
     fn allows(&mut self, wall: Duration, length: u64) -> bool {
@@ -186,25 +318,34 @@ impl RecordFile {
             self.reported_at = Some(wall);
             tracing::warn!(
                 "more than {RATE} bytes a second for {}: not recorded ({} in all)",
-                self.path.display(),
+                self.first.display(),
                 self.dropped
             );
         }
     }
+}
+
+impl Series {
+    fn write(&mut self, bytes: &[u8]) {
+        if !self.counts.failed.load(Ordering::Relaxed) {
+            let done = self.file.write_all(bytes);
+            self.see(done);
+        }
+    }
 
     fn next_file(&mut self) -> io::Result<()> {
-        self.file.flush()?;
+        if self.counts.failed.load(Ordering::Relaxed) {
+            return Ok(());
+        }
         let (path, file) = create(&self.folder, &self.run, self.next, self.extension)?;
-        (self.path, self.file) = (path, BufWriter::new(file));
+        (self.path, self.file) = (path, file);
         self.next = self.next.saturating_add(1);
-        self.written = 0;
         self.make_room();
         self.start_file();
         Ok(())
     }
 
     fn start_file(&mut self) {
-        self.written = self.head.len() as u64;
         let done = self.file.write_all(&self.head);
         self.see(done);
     }
@@ -221,7 +362,9 @@ impl RecordFile {
                 break;
             }
             match fs::remove_file(&path) {
-                Ok(()) => self.removed = self.removed.saturating_add(1),
+                Ok(()) => {
+                    self.counts.removed.fetch_add(1, Ordering::Relaxed);
+                }
                 Err(cause) => tracing::warn!("{} cannot be removed: {cause}", path.display()),
             }
             sum = sum.saturating_sub(length);
@@ -231,7 +374,7 @@ impl RecordFile {
     fn see(&mut self, done: io::Result<()>) {
         if let Err(cause) = done {
             // No retry: a full disk would log an error for every frame.
-            self.failed = true;
+            self.counts.failed.store(true, Ordering::Relaxed);
             let remedy = remedy(&cause.to_string());
             tracing::error!(
                 "the recording {} ends: {cause}{remedy}, and start the bridge again",
@@ -292,6 +435,12 @@ const RATE: u64 = 512 * 1024;
 /// The most that is recorded at once: the answer to a request for everything, an upload.
 const BURST: u64 = 8 << 20;
 const REPORT_AGAIN: Duration = Duration::from_secs(60);
+/// What the thread is passed at once.
+const PIECE: usize = 8 << 10;
+/// The most that waits for the disk, of all recordings: what a thousand vehicles send in a second.
+const MAX_WAITING: u64 = 32 << 20;
+/// How often the end of the program checks whether all is written.
+const LOOK_AGAIN: Duration = Duration::from_millis(5);
 /// Names to try if one is taken, as by a link or a folder.
 const MAX_TAKEN: u64 = 1_000;
 
@@ -305,9 +454,16 @@ impl Recording {
     /// Begins a file in `folder`, named by the vehicle and the time.
     ///
     /// # Errors
-    /// The folder or the file cannot be made, or the folder is open to others.
-    pub fn begin(folder: &Path, name: &str, wall: Duration, quota: Quota) -> io::Result<Recording> {
-        let file = RecordFile::begin(folder, name, "tlog", Vec::new(), wall, quota)?;
+    /// The folder or the file cannot be made, the folder is open to others, or there can be no thread.
+    pub fn begin(
+        folder: &Path,
+        name: &str,
+        wall: Duration,
+        quota: Quota,
+        recorder: &Recorder,
+    ) -> io::Result<Recording> {
+        let place = (folder, name, "tlog");
+        let file = RecordFile::begin(place, Vec::new(), wall, quota, recorder)?;
         Ok(Recording { file })
     }
 
@@ -318,8 +474,8 @@ impl Recording {
 
     /// The file that is being written.
     #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.file.path
+    pub fn path(&self) -> PathBuf {
+        locked(&self.file.series).path.clone()
     }
 
     /// Writes a frame.
@@ -330,7 +486,7 @@ impl Recording {
             .write(wall, record.get(..length).unwrap_or_default());
     }
 
-    /// Writes buffered data to the disk.
+    /// Passes what is buffered to the thread.
     pub fn flush(&mut self) {
         self.file.flush();
     }
@@ -346,7 +502,25 @@ mod tests {
 
     fn series(folder: &Path, wall_s: u64) -> RecordFile {
         let wall = Duration::from_secs(wall_s);
-        RecordFile::begin(folder, "dli", "pcapng", b"head".to_vec(), wall, QUOTA).unwrap()
+        begin(folder, b"head".to_vec(), wall, QUOTA)
+    }
+
+    fn begin(folder: &Path, head: Vec<u8>, wall: Duration, quota: Quota) -> RecordFile {
+        let place = (folder, "dli", "pcapng");
+        RecordFile::begin(place, head, wall, quota, &Recorder::default()).unwrap()
+    }
+
+    /// Until all is written.
+    fn flush(record: &mut RecordFile) {
+        record.flush();
+        let until = Instant::now() + Duration::from_secs(20);
+        assert!(record.recorder.wait(until));
+    }
+
+    fn counted(record: &RecordFile, what: &str) -> u64 {
+        let mut counters = Counters::default();
+        record.count(&mut counters);
+        counters.get(what)
     }
 
     fn bytes_in(folder: &Path) -> u64 {
@@ -370,14 +544,12 @@ mod tests {
                 let wall = Duration::from_secs(1_000 + run + at);
                 record.write(wall, &[7; 1_000]);
                 // What waits in memory is not in the folder yet.
-                record.flush();
+                flush(&mut record);
                 assert!(bytes_in(folder.path()) <= QUOTA.total + 2);
             }
-            let newest = fs::read(&record.path).unwrap();
+            let newest = fs::read(&locked(&record.series).path).unwrap();
             assert!(newest.starts_with(b"head") && newest.len() > 1_000);
-            let mut counters = Counters::default();
-            record.count(&mut counters);
-            removed += counters.get("file removed: over record.max_mb");
+            removed += counted(&record, "file removed: over record.max_mb");
         }
         assert!(removed > 100, "{removed}");
         assert!(
@@ -396,7 +568,7 @@ mod tests {
             for at in from_s..from_s + seconds {
                 record.write(Duration::from_secs(at), &[7; 1_000]);
             }
-            record.flush();
+            flush(record);
         };
         let files = || {
             let files = fs::read_dir(folder.path()).unwrap();
@@ -414,7 +586,7 @@ mod tests {
         let mut kept = Vec::new();
         for run in [1_000, 2_000] {
             let mut record = series(folder.path(), run);
-            kept.push(record.path.clone());
+            kept.push(locked(&record.series).path.clone());
             write(&mut record, run, 30);
         }
         assert!(kept.iter().all(|path| path.exists()), "{:?}", files());
@@ -427,16 +599,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let wall = Duration::from_secs(1_000);
         let quota = Quota { total: 1 << 30 };
-        let begun = RecordFile::begin(folder.path(), "dli", "pcapng", vec![], wall, quota);
-        let mut record = begun.unwrap();
+        let mut record = begin(folder.path(), vec![], wall, quota);
         // A second of it, in steps that are each shorter than a byte takes.
         for at in 0..20_000_u64 {
             record.write(wall + Duration::from_micros(50 * at), &[7; 1_000]);
         }
-        record.flush();
-        let mut counters = Counters::default();
-        record.count(&mut counters);
-        let dropped = counters.get("not recorded: too much at once");
+        flush(&mut record);
+        let dropped = counted(&record, "not recorded: too much at once");
         let written = bytes_in(folder.path());
         assert!((BURST..=BURST + RATE).contains(&written), "{written}");
         assert_eq!(written / 1_000 + dropped, 20_000);
@@ -444,7 +613,7 @@ mod tests {
         let back = Duration::from_secs(10);
         record.write(back, &[7; 1_000]);
         record.write(back + Duration::from_secs(1), &[7; 1_000]);
-        record.flush();
+        flush(&mut record);
         assert!(bytes_in(folder.path()) >= written + 1_000);
     }
 
@@ -457,10 +626,40 @@ mod tests {
         fs::write(&target, "somebody's").unwrap();
         symlink(&target, records.join("dli-7.pcapng")).unwrap();
         let mut record = series(&records, 7);
-        assert_eq!(record.path, records.join("dli-7-1.pcapng"));
+        let path = locked(&record.series).path.clone();
+        assert_eq!(path, records.join("dli-7-1.pcapng"));
         record.write(Duration::from_secs(7), b"bytes");
-        record.flush();
+        flush(&mut record);
         assert_eq!(fs::read(&target).unwrap(), b"somebody's");
+    }
+
+    #[test]
+    fn a_disk_that_hangs_delays_nobody_and_fills_no_memory() {
+        let folder = tempfile::tempdir().unwrap();
+        let quota = Quota { total: 1 << 30 };
+        let at = |second: u64| Duration::from_secs(1_000 + second);
+        let mut record = begin(folder.path(), b"head".to_vec(), at(0), quota);
+        // What the disk holds up the thread with, it holds while it writes.
+        let series = record.series.clone();
+        let hangs = locked(&series);
+        // 32 MB, and more; a new file of the series begins after 128 MB.
+        let (seconds, size) = (300, 500_000);
+        for second in 0..seconds {
+            record.write(at(second), &vec![7; size]);
+        }
+        record.flush();
+        let late = counted(&record, "not recorded: the disk is too slow");
+        let waits = (seconds - late) * size as u64;
+        assert!(waits <= MAX_WAITING && waits > MAX_WAITING / 2, "{waits}");
+        assert_eq!(bytes_in(folder.path()), 4);
+        drop(hangs);
+        flush(&mut record);
+        assert_eq!(bytes_in(folder.path()), 4 + waits);
+        record.write(at(seconds), &vec![7; size]);
+        flush(&mut record);
+        // The file that was to begin meanwhile.
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+        assert_eq!(bytes_in(folder.path()), 8 + waits + size as u64);
     }
 
     #[test]

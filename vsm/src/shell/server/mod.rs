@@ -149,7 +149,7 @@ impl Server {
         core.recordings
             .get(index)?
             .as_ref()
-            .map(|recording| recording.path().to_owned())
+            .map(|recording| recording.path())
     }
 
     /// Serves until `stop` is done, or an order to zeroize is stored, then returns the last status.
@@ -269,6 +269,7 @@ impl Server {
         for keys in core.key_stores.iter().flatten() {
             keys.files.wait(end);
         }
+        core.recorder.wait(end);
         drop(core);
         served.map(|()| shared.status())
     }

@@ -33,7 +33,7 @@ use crate::shell::key_store::KeyStore;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::pairing_socket;
 use crate::shell::queued_disk::QueuedDisk;
-use crate::shell::recording::Recording;
+use crate::shell::recording::{Recorder, Recording};
 use crate::shell::sockets::{DliSockets, Hosts, VehicleReader, VehicleWriter, ask_system};
 use crate::shell::status_socket;
 use crate::shell::timer::Timer;
@@ -67,6 +67,7 @@ impl Server {
             readers,
             ports,
             writers,
+            recorder,
             recordings,
             dli_recording,
             key_stores,
@@ -110,6 +111,7 @@ impl Server {
                 writers,
                 forwards,
                 store,
+                recorder,
                 recordings,
                 dli_recording,
                 key_stores,
@@ -163,6 +165,7 @@ pub(super) struct Opened {
     readers: Vec<(usize, VehicleReader, Rc<Notify>)>,
     ports: Vec<Option<OpenPort>>,
     writers: Vec<VehicleWriter>,
+    recorder: Recorder,
     recordings: Vec<Option<Recording>>,
     dli_recording: Option<DliRecording>,
     key_stores: Vec<Option<KeyStore>>,
@@ -188,6 +191,7 @@ impl Opened {
         let (mut readers, mut writers, mut ends, mut recordings) = (vec![], vec![], vec![], vec![]);
         let (mut key_stores, mut key_ids) = (vec![], vec![]);
         let mut ports: Vec<Option<OpenPort>> = vec![];
+        let recorder = Recorder::default();
         for vehicle in config.vehicles() {
             let (key, keys) = open_keys(vehicle, &mut key_ids, store, how.keys)?;
             key_stores.push(keys);
@@ -203,12 +207,12 @@ impl Opened {
                 ends.push(LinkEnd { key, peer });
             }
             recordings.push(match how.records {
-                true => record_vehicle(&config, vehicle, now)?,
+                true => record_vehicle(&config, vehicle, now, &recorder)?,
                 false => None,
             });
         }
         let dli_recording = match how.records {
-            true => record_dli(&config, now)?,
+            true => record_dli(&config, now, &recorder)?,
             false => None,
         };
         // Needed before the bridge verifies its audit logs and chains the next line to them.
@@ -267,6 +271,7 @@ impl Opened {
             readers,
             ports,
             writers,
+            recorder,
             recordings,
             dli_recording,
             key_stores,
@@ -291,12 +296,17 @@ fn open_page(config: &Config) -> Result<Option<(TcpListener, Page)>, StartError>
     Ok(Some((listen(http.listen)?, page)))
 }
 
-fn record_dli(config: &Config, now: Now) -> Result<Option<DliRecording>, StartError> {
+fn record_dli(
+    config: &Config,
+    now: Now,
+    recorder: &Recorder,
+) -> Result<Option<DliRecording>, StartError> {
     let Some(record) = &config.record else {
         return Ok(None);
     };
     let stations = config.stations().map(|station| station.id).collect();
-    let begun = DliRecording::begin(&record.dir, stations, now.wall, share(config, record));
+    let quota = share(config, record);
+    let begun = DliRecording::begin(&record.dir, stations, now.wall, quota, recorder);
     begun.map(Some).map_err(|cause| StartError::Recording {
         folder: record.dir.clone(),
         cause,

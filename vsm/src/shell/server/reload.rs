@@ -44,7 +44,7 @@ use crate::shell::clock::NOT_BEFORE;
 use crate::shell::disk::FileDisk;
 use crate::shell::key_store::KeyStore;
 use crate::shell::ordered_files::OrderedKeys;
-use crate::shell::recording::Recording;
+use crate::shell::recording::{Recorder, Recording};
 use crate::shell::sockets::{Hosts, Resolver, VehicleReader, VehicleWriter};
 use crate::shell::status_socket;
 use crate::shell::tasks::{Beat, Later};
@@ -217,6 +217,7 @@ struct Open {
     keys: Vec<(Id, KeyStore)>,
     store: FileDisk,
     stored: Arc<Notify>,
+    recorder: Recorder,
     now: Now,
     resolver: Resolver,
 }
@@ -237,6 +238,7 @@ impl Open {
             keys: keys.filter_map(view).collect(),
             store: core.store.files().shared(),
             stored: shared.stored.clone(),
+            recorder: core.recorder.clone(),
             now: shared.clock.now(),
             resolver,
         }
@@ -386,7 +388,7 @@ fn read_vehicle(
     Ok(Files {
         key,
         keys,
-        recording: record_vehicle(config, vehicle, open.now)?,
+        recording: record_vehicle(config, vehicle, open.now, &open.recorder)?,
     })
 }
 

@@ -25,7 +25,7 @@ use crate::shell::key_file::system_random;
 use crate::shell::memory;
 use crate::shell::ordered_files::OrderedKeys;
 use crate::shell::queued_disk::QueuedDisk;
-use crate::shell::recording::Recording;
+use crate::shell::recording::{Recorder, Recording};
 use crate::shell::sockets::VehicleWriter;
 use crate::shell::web::control::Clients;
 use crate::shell::web::{Event, Events, PageInfo, Source};
@@ -117,6 +117,8 @@ pub(super) struct Core {
     /// One for each vehicle.
     pub(super) writers: Vec<VehicleWriter>,
     pub(super) store: QueuedDisk,
+    /// Writes the recordings.
+    pub(super) recorder: Recorder,
     /// One for each vehicle, where recordings are made.
     pub(super) recordings: Vec<Option<Recording>>,
     pub(super) dli_recording: Option<DliRecording>,
@@ -211,7 +213,7 @@ impl Core {
         exchanges.chain(encryptions).fold(of_bridge, Duration::min)
     }
 
-    /// Writes the recordings' buffers.
+    /// Passes the recordings' buffers to their thread.
     pub(super) fn flush(&mut self) {
         self.recordings
             .iter_mut()

@@ -18,7 +18,7 @@ use crate::session::Bridge;
 use crate::shell::clock::NOT_BEFORE;
 use crate::shell::key_file::{self, KeyFileError, system_random};
 use crate::shell::key_store::{KeyStore, KeyStoreError};
-use crate::shell::recording::{self, Quota, Recording};
+use crate::shell::recording::{self, Quota, Recorder, Recording};
 use crate::shell::sockets::{self, Hosts, VehicleReader};
 
 /// Checks that no vehicle in `known` has one of this one's keys.
@@ -44,12 +44,14 @@ pub(super) fn record_vehicle(
     config: &Config,
     vehicle: &Vehicle,
     now: Now,
+    recorder: &Recorder,
 ) -> Result<Option<Recording>, StartError> {
     let Some(record) = &config.record else {
         return Ok(None);
     };
     let name = format!("{:08x}", vehicle.id.0);
-    let begun = Recording::begin(&record.dir, &name, now.wall, share(config, record));
+    let quota = share(config, record);
+    let begun = Recording::begin(&record.dir, &name, now.wall, quota, recorder);
     begun.map(Some).map_err(|cause| StartError::Recording {
         folder: record.dir.clone(),
         cause,
