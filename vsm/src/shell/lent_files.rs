@@ -13,7 +13,7 @@ use std::sync::{Arc, Weak};
 use mavlink_link::store::{Changes, Progress};
 use zeroize::Zeroizing;
 
-use super::disk::{FileDisk, FileSystem};
+use super::disk::{Added, FileDisk, FileSystem};
 
 /// A file system, as long as a store is held.
 #[derive(Debug)]
@@ -42,6 +42,15 @@ impl FileSystem for LentFiles {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         let _held = self.held()?;
         self.system.write(path, bytes)
+    }
+
+    fn add(&self, path: &Path, bytes: &[u8]) -> io::Result<Added> {
+        let _held = self.held()?;
+        self.system.add(path, bytes)
+    }
+
+    fn check_room(&self, folder: &Path, bytes: u64) -> io::Result<()> {
+        self.system.check_room(folder, bytes)
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
@@ -161,6 +170,7 @@ mod tests {
         assert_eq!(std::fs::read(path("1")).unwrap(), b"1");
         for changed in [
             lent.write(&path("2"), b"2"),
+            lent.add(&path("2"), b"2").map(drop),
             lent.rename(&path("1"), &path("2")),
             lent.rename_locked(&path("1"), &path("2")).map(drop),
             lent.write_over(&path("1"), b"2"),

@@ -1,7 +1,7 @@
 //! Sockets, files, clocks and the log around the sans-I/O machines of `session`, `airside` and `key_exchange`.
 //!
 //! From the bottom up: `ownership` checks which files are trusted; `disk` implements [`Disk`](mavlink_link::store::Disk),
-//! and `queued_disk` puts a thread before it that synchronises, so that a running bridge never waits for that; `key_file`
+//! and `queued_disk` puts a thread before it that writes, so that a running bridge never waits for that; `key_file`
 //! and `key_store` are the signing keys, `memory` keeps them out of swap, `guard_file` those of the DLI guard, `guard_agreed` those agreed with the guard,
 //! `ordered_files` the thread that writes them, `lent_files` what a thread may change that outlives its store; `clock` and
 //! `timer` the time, `sockets` UDP and serial lines, `interfaces` the networks, `local_peers` with `socket_owners` the

@@ -1,5 +1,5 @@
-//! A disk that takes 100 ms to synchronise, and a station that keeps it busy: the vehicle's heartbeats and the
-//! controller's commands continue as if neither were there. Real sockets, real time.
+//! A disk that takes 100 ms to synchronise, to create a file and to rename it, and a station that keeps it busy: the vehicle's
+//! heartbeats and the controller's commands continue as if neither were there. Real sockets, real time.
 //!
 //! The figures of docs/guide/reliability.md come from here: `cargo test --release -p vsm --test program under_attack --
 //! --nocapture`. On a machine that does other things as well no test can hold 20 ms for each command. So it holds them for half of the
@@ -38,12 +38,12 @@ use vsm::config::airside::AirsideConfig;
 use vsm::key_exchange::{ExchangeRecord, identity};
 use vsm::session::{Stations, Status};
 use vsm::shell::airside::AirsideServer;
-use vsm::shell::disk::{FileDisk, FileSystem, NativeFileSystem};
+use vsm::shell::disk::{Added, FileDisk, FileSystem, NativeFileSystem};
 use vsm::shell::key_file::system_random;
 use vsm::shell::server::Server;
 use zeroize::Zeroizing;
 
-/// A file system of which each synchronisation takes so long, and from some moment on each reading.
+/// A file system of which each synchronisation takes so long, and from some moment on each reading, or each change.
 #[derive(Debug)]
 pub(crate) struct Slow {
     sync: Duration,
@@ -51,6 +51,26 @@ pub(crate) struct Slow {
     pub(crate) read: Arc<AtomicU64>,
     /// What was read on a thread of the name [`BRIDGE`] since then.
     pub(crate) waited: Arc<Mutex<Vec<PathBuf>>>,
+    changes: Changes,
+}
+
+/// How long it takes to create, write, rename or delete a file, milliseconds, and those for which the thread of the name
+/// [`BRIDGE`] had to wait. A line of a log that is there goes to memory.
+#[derive(Debug, Clone, Default)]
+struct Changes {
+    slow: Arc<AtomicU64>,
+    waited: Arc<Mutex<Vec<PathBuf>>>,
+}
+
+impl Changes {
+    fn wait(&self, path: &Path) {
+        let slow = self.slow.load(Ordering::Relaxed);
+        if slow > 0 && thread::current().name() == Some(BRIDGE) {
+            let mut waited = self.waited.lock().expect("no panic");
+            waited.push(path.to_owned());
+        }
+        thread::sleep(Duration::from_millis(slow));
+    }
 }
 
 pub(crate) const BRIDGE: &str = "bridge";
@@ -61,13 +81,22 @@ impl Slow {
             sync,
             read: Arc::default(),
             waited: Arc::default(),
+            changes: Changes::default(),
         }
     }
 }
 
 impl FileSystem for Slow {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        self.changes.wait(path);
         NativeFileSystem.write(path, bytes)
+    }
+
+    fn add(&self, path: &Path, bytes: &[u8]) -> io::Result<Added> {
+        if !path.exists() {
+            self.changes.wait(path);
+        }
+        NativeFileSystem.add(path, bytes)
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
@@ -81,10 +110,12 @@ impl FileSystem for Slow {
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        self.changes.wait(to);
         NativeFileSystem.rename(from, to)
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
+        self.changes.wait(path);
         NativeFileSystem.remove(path)
     }
 
@@ -276,6 +307,7 @@ struct World {
     /// How often a second A commands.
     commands: f64,
     agent: Option<Agent>,
+    changes: Changes,
     _folder: tempfile::TempDir,
 }
 
@@ -302,13 +334,16 @@ impl World {
         let agent = (exchange == "on").then(|| Agent::pair(&config));
         let (ready, started) = mpsc::channel();
         let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
-        let server = thread::spawn(move || {
+        let disk = Slow::new(sync);
+        let changes = disk.changes.clone();
+        let bridge = thread::Builder::new().name(BRIDGE.to_owned());
+        let server = bridge.spawn(move || {
             let runtime = tokio::runtime::Builder::new_current_thread()
                 .enable_all()
                 .build()
                 .expect("a runtime");
             runtime.block_on(async {
-                let disk = FileDisk::open_on(&config.store.dir, Box::new(Slow::new(sync)));
+                let disk = FileDisk::open_on(&config.store.dir, Box::new(disk));
                 let server = Server::open_on(&config, disk.expect("a store")).expect("it starts");
                 ready.send(()).expect("the test waits");
                 let stop = async {
@@ -329,7 +364,7 @@ impl World {
             socket
         };
         let mut world = World {
-            server: Some(server),
+            server: Some(server.expect("a thread")),
             stop: Some(stop),
             vehicle: Autopilot::new(vehicle, signing, vec![Some(mavlink)]),
             mav: socket(),
@@ -346,6 +381,7 @@ impl World {
             reflected_bytes: 0,
             commands: 5.0,
             agent,
+            changes,
             _folder: folder,
         };
         world.run(4.0, 0, |_, _| ());
@@ -557,6 +593,15 @@ fn flip(world: &mut World, number: u64) {
     world.send(1, message);
 }
 
+/// Takes LOI 2 and gives it up, which is not synchronised.
+fn monitor(world: &mut World, number: u64) {
+    let access = match number % 2 {
+        1 => RequestedAccess::Request,
+        _ => RequestedAccess::Relinquish,
+    };
+    world.send(1, request(LoiBitmap::LOI2, access));
+}
+
 /// Asks A for control, without end: a handover begins and ends.
 fn handovers(world: &mut World, number: u64) {
     let access = match number % 2 {
@@ -681,10 +726,13 @@ fn a_delay_of_each_command_shows_and_one_by_the_computer_does_not() {
 #[test]
 fn a_station_that_keeps_a_slow_disk_busy_delays_neither_the_vehicle_nor_the_controller() {
     let mut world = World::start(SYNC);
-    let attacks: [(&str, u32, Attack); 5] = [
+    let slow = SYNC.as_millis() as u64;
+    world.changes.slow.store(slow, Ordering::Relaxed);
+    let attacks: [(&str, u32, Attack); 6] = [
         (NO_ATTACK, 1, |_, _| ()),
         ("LOI 3 on and off, 30/s", 30, flip),
         ("LOI 3 on and off, 2000/s", 2_000, flip),
+        ("LOI 2 on and off, 30/s", 30, monitor),
         ("LOI 4 of a handover and back, 30/s", 30, handovers),
         ("50016 without a right, 2000/s", 2_000, vertices),
     ];
@@ -701,6 +749,10 @@ fn a_station_that_keeps_a_slow_disk_busy_delays_neither_the_vehicle_nor_the_cont
             quiet = figures.typical();
         }
     }
+    let waited = world.changes.waited.lock().expect("no panic").clone();
+    assert!(waited.is_empty(), "on the bridge's thread: {waited:?}");
+    // The end waits for what is on its way.
+    world.changes.slow.store(0, Ordering::Relaxed);
     let status = world.end();
     assert!(status.refused.get("too many changes of rights") > 0);
     assert!(status.refused.get("over the station's rate") > 0);

@@ -108,7 +108,7 @@ fn what_is_durable_at_one_node_is_what_the_next_begins_with() {
             // Some are longer than a piece.
             let bytes: Vec<u8> = (0..random.usize(0..6_000)).map(|_| random.u8(..)).collect();
             let how = [Durability::Process, Durability::Power][random.usize(0..2)];
-            // A rename right behind a record that is on its way is refused: nothing has changed then.
+            // What is refused has changed nothing.
             let _ = match random.u8(0..10) {
                 0..4 => disk.append(name, &bytes, how),
                 4..7 => disk.replace(name, &bytes, how),

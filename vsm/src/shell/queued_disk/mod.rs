@@ -1,72 +1,84 @@
-//! The disk of a running bridge: no caller waits while it synchronises.
+//! The disk of a running bridge: no caller waits for it.
 //!
-//! A change that must survive a power cut is written at once, so that a full or read-only disk refuses it at once (but what a
-//! link lives by, below). A separate thread makes it durable: `disk-writer` synchronises, renames and synchronises the
-//! folder, once for all changes that have gathered meanwhile (a group commit). [`Disk::progress`] reports how far it is, and
-//! the bridge holds back what depends on it until then. A change that must survive only the end of the process is written as
-//! by [`FileDisk`], unless the store is shared with other nodes: they do not see this folder.
+//! A change gets a number and goes to a thread, which does all of it: it creates and writes files, synchronises them, renames, and
+//! synchronises the folder, once for all changes that have gathered meanwhile (a group commit). To create a file takes as long
+//! as the file system is busy with others, so that is no different from a synchronisation. [`Disk::progress`] reports how far the
+//! thread is, and the bridge holds back what depends on it until then; until then the new content is read from memory.
+//!
+//! A full or read-only disk refuses a change at once all the same: how much room there is, the system knows without asking the
+//! disk ([`FileSystem::check_room`](super::disk::FileSystem::check_room)). Where something else takes the last of it in between,
+//! the change is one that cannot be made durable, as below, and nothing more is accepted before it is written.
+//!
+//! What must survive `kill -9` before its call returns ([`Durability::Process`]) the caller writes itself, since memory does not
+//! survive that: a line of a log that is there is one call of the system, and no file is created. A log is rewritten shorter
+//! beside that (`compaction`). Such a write goes to the thread too where another of the same files is on its way, which would
+//! come after it; and in a store that is shared with other nodes: they do not see this folder.
 //!
 //! The ceilings of signing clocks and the epochs of encrypted links have their own thread: a link must not fall silent because
-//! another part has much to write, or cannot be written. That thread does all of it: with a thousand vehicles some forty ceilings
-//! are due together, and no vehicle waits for forty new files. Once known, ceilings are read from memory, since each new one is
-//! compared with the one before.
+//! another part has much to write, or cannot be written. With a thousand vehicles some forty ceilings are due together. Once known,
+//! ceilings are read from memory, since each new one is compared with the one before. Where a full disk has no room beside them,
+//! the thread writes over what is there (`keeps_its_room`).
 //!
-//! A record is first written under a temporary name (`authority-1b000101.json.new-7`); the thread renames it. Until then
-//! the new bytes are read from memory. A start removes what a crash left. Where a full disk has no room for that, the thread
-//! writes what a link lives by over what is there (`keeps_its_room`).
+//! A file is first written under a temporary name (`authority-1b000101.json.new-1`). A start removes what a crash left.
 //!
 //! If a thread cannot make a file durable, it tries that file again. What depends on the file continues to wait, and
-//! further changes of it are refused: an accepted change takes effect in the end, or never if the process ends; a refused
-//! one never does. The other files are not affected.
+//! further changes of its family (`steps`) are refused: an accepted change takes effect in the end, or never if the process ends; a
+//! refused one never does. The other files are not affected, unless the disk is full.
 //!
 //! It never synchronises the same bytes in memory again. Linux reports a failed write-back to one `fsync` and may then
 //! count the pages as clean, so the next `fsync` succeeds with nothing written. Therefore a record is rewritten. So is a
-//! log: its end is kept here until it is durable (`Tail`), and on a failure the log becomes a record, written beside and
-//! renamed. A start does the same to the audit logs that it finds, since the process before may have ended in that state,
-//! and the first line of a process does it to any other log. A folder gets a new name before its names are synchronised
-//! again.
+//! log: what was added is kept until it is durable, and on a failure the log is written whole, beside, and renamed. A start does the
+//! same to the audit logs that it finds, since the process before may have ended in that state, and the first line of a process does
+//! it to any other log. A folder gets a new name before its names are synchronised again.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::ops::Bound::{Excluded, Included};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 use mavlink_link::clock::CEILING;
-use mavlink_link::store::{
-    Changes, Disk, Durability, MAX_RECORD_BYTES, Progress, StoreError, remedy,
-};
+use mavlink_link::store::{Changes, Disk, Durability, Progress, StoreError, remedy};
 use tokio::sync::Notify;
 use zeroize::Zeroizing;
 
+use self::compaction::{Compact, Compacted, Compaction};
+use self::steps::{Content, Step, Written, family_of};
+use self::unwritten::{Base, Unwritten};
 pub(super) use self::writer::dirty_names;
-use self::writer::{BESIDE, Batch, Done, Grown, Waiting, write};
-use super::disk::{Added, FileDisk, is_numbered, keeps_its_room, replace};
+use self::writer::{Batch, Done, Fault, write};
+use super::disk::{FileDisk, is_numbered, keeps_its_room, replace};
 use super::lent_files::LentFiles;
 use crate::session::MAX_LOG_BYTES;
 
+mod compaction;
+mod steps;
+mod unwritten;
 mod writer;
 
-/// A [`FileDisk`] with threads that synchronise.
+/// A [`FileDisk`] with threads that write.
 #[derive(Debug)]
 pub struct QueuedDisk {
     disk: FileDisk,
-    /// Records, and logs written whole, that have not been renamed yet, by their names.
-    waiting: BTreeMap<String, Waiting>,
-    /// The ends of logs that may not be on the disk yet.
-    tails: BTreeMap<String, Tail>,
-    /// Logs that this process created, or has written whole.
-    begun: BTreeSet<String>,
+    /// Files with changes that are not done yet, by their names.
+    unwritten: BTreeMap<String, Unwritten>,
+    /// How much of them is in memory alone.
+    bytes: u64,
+    /// The lengths of files without such changes, where known.
+    lengths: BTreeMap<String, u64>,
+    /// Logs that are being rewritten shorter.
+    compactions: BTreeMap<String, Compaction>,
     /// The ceilings of clocks, as last written or read. Nobody else writes them, since the store is locked.
     ceilings: RefCell<BTreeMap<String, Option<Zeroizing<Vec<u8>>>>>,
     queued: u64,
-    /// The changes that are not durable yet, and the file of each.
+    /// The changes that are not done yet, and the family of each.
     open: BTreeMap<u64, String>,
-    /// Why a file cannot be made durable.
-    faults: BTreeMap<String, String>,
+    /// The last of them in each family.
+    latest: BTreeMap<String, u64>,
+    /// Why a family cannot be written.
+    faults: BTreeMap<String, Fault>,
     /// There is news since the last [`QueuedDisk::poll`].
     news: bool,
     /// What links live by, and everything else.
@@ -77,22 +89,10 @@ pub struct QueuedDisk {
 #[derive(Debug)]
 struct Lane {
     next: Batch,
-    /// The last change that was passed to it.
-    given: u64,
     /// It has work.
     busy: bool,
     work: Sender<Batch>,
     done: Receiver<Done>,
-}
-
-/// The end of a log, which is lost if a synchronisation fails.
-#[derive(Debug)]
-struct Tail {
-    /// Identifies the file, whatever its name is by now.
-    id: u64,
-    /// Where it begins.
-    start: u64,
-    bytes: Vec<u8>,
 }
 
 impl QueuedDisk {
@@ -102,35 +102,47 @@ impl QueuedDisk {
     /// What a crash left cannot be removed, or there can be no thread.
     pub fn new(disk: FileDisk, progress: Arc<Notify>) -> io::Result<QueuedDisk> {
         sweep(&disk)?;
-        let lane = |name: &str| {
+        // The process before may have ended with names that could not be synchronised.
+        dirty_names(&*disk.system(), disk.folder())?;
+        disk.system().sync(disk.folder())?;
+        let begun = renew(&disk)?;
+        let lane = |name: &str, begun: BTreeSet<String>| {
             let (work, batches) = channel();
             let (reports, done) = channel();
             let (system, folder) = (LentFiles::of(&disk), disk.folder().to_owned());
             let progress = progress.clone();
             std::thread::Builder::new()
                 .name(name.to_owned())
-                .spawn(move || write(&system, &folder, &batches, &reports, &progress))?;
+                .spawn(move || {
+                    write(
+                        (&system, folder.as_path()),
+                        begun,
+                        &batches,
+                        &reports,
+                        &progress,
+                    )
+                })?;
             io::Result::Ok(Lane {
                 next: Batch::default(),
-                given: 0,
                 busy: false,
                 work,
                 done,
             })
         };
-        let lanes = [lane("clock-writer")?, lane("disk-writer")?];
-        // The process before may have ended with names that could not be synchronised.
-        dirty_names(&*disk.system(), disk.folder())?;
-        disk.system().sync(disk.folder())?;
-        let begun = renew(&disk)?;
+        let lanes = [
+            lane("clock-writer", BTreeSet::new())?,
+            lane("disk-writer", begun)?,
+        ];
         Ok(QueuedDisk {
             disk,
-            waiting: BTreeMap::new(),
-            tails: BTreeMap::new(),
-            begun,
+            unwritten: BTreeMap::new(),
+            bytes: 0,
+            lengths: BTreeMap::new(),
+            compactions: BTreeMap::new(),
             ceilings: RefCell::default(),
             queued: 0,
             open: BTreeMap::new(),
+            latest: BTreeMap::new(),
             faults: BTreeMap::new(),
             news: false,
             lanes,
@@ -161,17 +173,14 @@ impl QueuedDisk {
         std::mem::take(&mut self.news)
     }
 
-    /// Waits until everything that can be is durable; false if that takes longer, or something cannot be.
+    /// Waits until everything that can be is done; false if that takes longer, or something cannot be.
     pub fn wait(&mut self, within: Duration) -> bool {
         let end = Instant::now() + within;
         loop {
             // A result that is taken here must still be reported to the next poll.
             self.news |= self.poll();
-            if self
-                .open
-                .values()
-                .all(|name| self.faults.contains_key(name))
-            {
+            let is_tried = |family: &String| self.faults.contains_key(family);
+            if self.compactions.is_empty() && self.open.values().all(is_tried) {
                 return self.open.is_empty();
             }
             if Instant::now() >= end {
@@ -181,178 +190,195 @@ impl QueuedDisk {
         }
     }
 
-    fn take(&mut self, lane: usize, done: Done) {
+    fn take(&mut self, lane: usize, report: Done) {
         let Done {
-            change,
-            files,
+            done,
             failed,
+            log_failed,
+            compacted,
             again,
-            synced,
-            lost,
-        } = done;
-        for name in &files {
-            if self.faults.remove(name).is_some() {
-                tracing::info!("{name} in the store can be written again");
+        } = report;
+        for family in done.keys() {
+            if let Some(fault) = self.faults.remove(family) {
+                tracing::info!("{} in the store can be written again", fault.file);
             }
         }
-        let is_done = |name: &String, of: u64| of <= change && files.contains(name);
-        // By change number: a newer change of the same file stays open.
-        self.open.retain(|of, name| !is_done(name, *of));
-        self.waiting.retain(|name, one| !is_done(name, one.change));
-        for (id, end) in synced {
-            self.tails.retain(|_, tail| tail.id != id || tail.cut(end));
-        }
-        let mut failed = failed;
-        for (name, id) in lost {
-            self.write_whole(lane, name, id, change, &mut failed);
-        }
-        for (name, cause) in failed {
-            if self.faults.insert(name.clone(), cause.clone()).is_none() {
-                tracing::error!(
-                    "{name} in the store cannot be written: {cause}{}",
-                    remedy(&cause)
-                );
+        // By change number: a newer change of the same files stays open.
+        let is_done = |family: &str, of: u64| done.get(family).is_some_and(|change| of <= *change);
+        self.open.retain(|of, family| !is_done(family, *of));
+        self.latest.retain(|family, of| !is_done(family, *of));
+        let lengths = &mut self.lengths;
+        self.unwritten.retain(|name, one| {
+            let Some(change) = done.get(family_of(name)) else {
+                return true;
+            };
+            if one.is_left_after(*change) {
+                return true;
+            }
+            if let Some(length) = one.length().filter(|_| one.is_there()) {
+                lengths.insert(name.clone(), length);
+            }
+            false
+        });
+        self.bytes = self.unwritten.values().map(Unwritten::bytes).sum();
+        let mut is_news = false;
+        for (family, fault) in failed {
+            let text = format!(
+                "{} in the store cannot be written: {}{}",
+                fault.file,
+                fault.cause,
+                remedy(&fault.cause)
+            );
+            if self.faults.insert(family, fault).is_none() {
+                is_news = true;
+                tracing::error!("{text}");
             }
         }
         self.news = true;
-        // The thread itself repeats a failed batch; it is idle only once it has reported a new one.
+        let next = &mut self.lanes[lane].next;
+        next.blind |= log_failed && is_news && !next.is_empty();
+        for one in compacted {
+            self.continue_compaction(one);
+        }
+        // The thread itself repeats what failed; it is idle only once it has reported a new batch.
         self.lanes[lane].busy &= again;
         self.start(lane);
     }
 
-    /// Has a log written whole, under its present name, whose end a thread could not synchronise.
-    fn write_whole(
-        &mut self,
-        lane: usize,
-        name: String,
-        id: u64,
-        change: u64,
-        failed: &mut BTreeMap<String, String>,
-    ) {
-        let Some(now) = self.tails.iter().find(|(_, tail)| tail.id == id) else {
-            // Deleted or replaced meanwhile: whatever is there is stored as it is.
-            self.share_again(&name);
+    /// Passes the gathered work to a thread that is idle.
+    fn start(&mut self, lane: usize) {
+        let Lane {
+            next, busy, work, ..
+        } = &mut self.lanes[lane];
+        if *busy || next.is_empty() {
             return;
-        };
-        let now = now.0.clone();
-        if now != name {
-            // The log was renamed meanwhile: its open changes and its fault belong to the new name.
-            for (_, of) in self.open.range_mut(..=change).filter(|one| *one.1 == name) {
-                of.clone_from(&now);
+        }
+        for (name, one) in &mut self.unwritten {
+            if lane_of(name) == lane {
+                one.note_given();
             }
-            let cause = failed.remove(&name);
-            failed.extend(cause.map(|cause| (now.clone(), cause)));
         }
-        let Some(tail) = self.tails.remove(&now) else {
-            // Replaced meanwhile: what is there is stored as it is.
-            self.share_again(&now);
-            return;
-        };
-        // One that something else has made longer than any log becomes would fill the memory, and is not read.
-        let mut bytes = match self.disk.read(&now, tail.start.min(MAX_RECORD_BYTES)) {
-            Ok(Some(bytes)) if bytes.len() as u64 == tail.start => bytes,
-            read => {
-                // It cannot be repaired: it stays as it is, and is refused until a restart checks it.
-                let cause = match read {
-                    Err(fault) => fault.cause,
-                    Ok(_) if tail.start > MAX_RECORD_BYTES => format!(
-                        "it has more than {MAX_RECORD_BYTES} bytes: something else has written to it; keep a copy and restart"
-                    ),
-                    Ok(_) => "it is cut off".to_owned(),
-                };
-                failed.insert(now.clone(), cause);
-                self.share_again(&now);
-                return;
-            }
-        };
-        bytes.extend_from_slice(&tail.bytes);
-        let change = self.queue(&now);
-        let waiting = Waiting {
-            change,
-            beside: self.beside(&now, change),
-            bytes: Arc::new(bytes),
-            log: true,
-            written: false,
-        };
-        self.wait_for(&now, waiting);
-        debug_assert_eq!(lane, lane_of(&now));
+        // The thread ends with this disk.
+        *busy = work.send(std::mem::take(next)).is_ok();
     }
 
-    fn beside(&self, name: &str, change: u64) -> PathBuf {
-        self.disk.folder().join(format!("{name}{BESIDE}{change}"))
+    /// Numbers a change of this file, and has its thread make it with the next ones.
+    fn queue(&mut self, name: &str, power: bool, step: Step) {
+        self.queued += 1;
+        let family = family_of(name);
+        self.open.insert(self.queued, family.to_owned());
+        self.latest.insert(family.to_owned(), self.queued);
+        let families = &mut self.lanes[lane_of(name)].next.families;
+        let next = families.entry(family.to_owned()).or_default();
+        next.change = self.queued;
+        next.power |= power;
+        next.push(step);
     }
 
-    /// Queues a record for renaming.
-    fn wait_for(&mut self, name: &str, waiting: Waiting) {
-        self.waiting.insert(name.to_owned(), waiting.clone());
-        let next = &mut self.lanes[lane_of(name)].next;
-        // Only the last of several gathered versions is synchronised.
-        let before = next.records.insert(name.to_owned(), waiting);
-        if let Some(before) = before.filter(|before| before.written) {
-            let _ = self.disk.system().remove(&before.beside);
+    /// What a file holds once the last change is done.
+    fn note(&mut self, name: &str, base: Base) {
+        let one = Unwritten::new(base, self.queued);
+        self.bytes += one.bytes();
+        self.lengths.remove(name);
+        if let Some(before) = self.unwritten.insert(name.to_owned(), one) {
+            self.bytes = self.bytes.saturating_sub(before.bytes());
         }
-        next.logs.retain(|log| log.name != name);
-        next.removed.remove(name);
     }
 
-    /// Queues a record, or a whole log, which is written beside at once.
-    fn put(&mut self, name: &str, bytes: Zeroizing<Vec<u8>>, log: bool) -> Result<(), StoreError> {
-        let beside = self.beside(name, self.queued + 1);
-        // Nothing is promised before such a record is durable, and a full disk has room for it: so its thread writes it too.
-        // To create a file may take as long as the file system is busy with others.
-        let later = keeps_its_room(name) && self.disk.has(name);
-        let system = self.disk.system();
-        if !later && let Err(cause) = system.write(&beside, &bytes) {
-            let _ = system.remove(&beside);
-            return Err(StoreError::new(name, cause));
+    /// Whether a change must survive more than the end of the process.
+    fn is_power(&self, durability: Durability) -> bool {
+        durability == Durability::Power || self.disk.system().is_shared()
+    }
+
+    /// Whether the caller itself writes this.
+    ///
+    /// Not in a shared store: a file that is in the folder is stored with the next one, perhaps before the line of its log, and
+    /// the node that takes over in between would find a change without its line.
+    fn is_at_once(&self, name: &str, durability: Durability) -> bool {
+        durability == Durability::Process
+            && !self.latest.contains_key(family_of(name))
+            && !self.disk.system().is_shared()
+    }
+
+    /// Whether a change by so many bytes is accepted; by none, if it is a name alone.
+    fn check(&self, name: &str, bytes: u64) -> Result<(), StoreError> {
+        if let Some(fault) = self.faults.get(family_of(name)) {
+            return Err(StoreError::new(name, &fault.cause));
         }
-        let waiting = Waiting {
-            change: self.queue(name),
-            beside,
-            bytes: Arc::new(bytes),
-            log,
-            written: !later,
-        };
-        self.wait_for(name, waiting);
-        self.start(lane_of(name));
+        if self.compactions.contains_key(name) {
+            return Err(StoreError::new(name, "it is still being rewritten"));
+        }
+        // Of what no link works without a full disk takes the next version too, but the first.
+        if keeps_its_room(name) && self.is_there(name) {
+            return Ok(());
+        }
+        let full = self.faults.values().find(|one| one.no_room);
+        if let Some(full) = full.filter(|_| bytes > 0) {
+            return Err(StoreError::new(name, &full.cause));
+        }
+        self.check_memory(name)?;
+        let more = if bytes > 0 { self.bytes + bytes } else { 0 };
+        let room = self.disk.system().check_room(self.disk.folder(), more);
+        room.map_err(|cause| StoreError::new(name, cause))
+    }
+
+    /// What waits for a disk that hangs must not fill the memory.
+    fn check_memory(&self, name: &str) -> Result<(), StoreError> {
+        match self.bytes < MAX_WAITING {
+            true => Ok(()),
+            false => Err(StoreError::new(name, "the disk is too slow")),
+        }
+    }
+
+    /// Whether a file is there, once all changes are done.
+    fn is_there(&self, name: &str) -> bool {
+        match self.unwritten.get(name) {
+            Some(one) => one.is_there(),
+            None => self.lengths.contains_key(name) || self.disk.has(name),
+        }
+    }
+
+    /// Adds lines to a log, of which it is known that the caller does that.
+    fn append_at_once(&mut self, name: &str, lines: &[u8]) -> io::Result<()> {
+        let disk = &self.disk;
+        let add = || disk.add(name, lines).map(drop);
+        match self.compactions.get_mut(name) {
+            Some(compaction) => compaction.append(lines, add)?,
+            None => add()?,
+        }
+        if let Some(length) = self.lengths.get_mut(name) {
+            *length += lines.len() as u64;
+        }
         Ok(())
     }
 
-    /// Passes the gathered work to a thread that is idle.
-    fn start(&mut self, lane: usize) {
-        let lane = &mut self.lanes[lane];
-        if !lane.busy && !lane.next.is_empty() {
-            let mut batch = std::mem::take(&mut lane.next);
-            batch.change = self.queued;
-            lane.given = self.queued;
-            // The thread ends with this disk.
-            lane.busy = lane.work.send(batch).is_ok();
+    fn continue_compaction(&mut self, done: Compacted) {
+        let (name, failed) = match done {
+            Compacted::Written(name, written) => {
+                let Some(compaction) = self.compactions.get_mut(&name) else {
+                    return;
+                };
+                let both = written
+                    .and_then(|new| Ok((self.disk.open_log(&name)?, new)))
+                    .and_then(|(old, new)| compaction.write_both(old, new));
+                let next = match &both {
+                    Ok(()) => Compact::Place(name.clone()),
+                    Err(_) => Compact::Drop(name.clone()),
+                };
+                self.lanes[lane_of(&name)].next.compactions.push(next);
+                (name, both.err())
+            }
+            Compacted::Placed(name, placed) => {
+                self.compactions.remove(&name);
+                self.lengths.remove(&name);
+                (name, placed.err())
+            }
+        };
+        if let Some(cause) = failed {
+            self.compactions.remove(&name);
+            let remedy = remedy(&cause.to_string());
+            tracing::warn!("{name} in the store is not made shorter: {cause}{remedy}");
         }
-    }
-
-    /// Has a log stored elsewhere as it is, if a thread could not synchronise it and it is not written whole. Until then
-    /// the thread tries nothing again that it was given before.
-    fn share_again(&mut self, name: &str) {
-        if self.disk.system().is_shared() {
-            let lane = lane_of(name);
-            self.lanes[lane].next.names.insert(name.to_owned());
-            self.queue(name);
-            self.start(lane);
-        }
-    }
-
-    fn check(&self, name: &str) -> Result<(), StoreError> {
-        match self.faults.get(name) {
-            Some(fault) => Err(StoreError::new(name, fault)),
-            None => Ok(()),
-        }
-    }
-
-    /// Numbers a change of this file that a thread makes durable.
-    fn queue(&mut self, name: &str) -> u64 {
-        self.queued += 1;
-        self.open.insert(self.queued, name.to_owned());
-        self.queued
     }
 }
 
@@ -363,17 +389,18 @@ fn lane_of(name: &str) -> usize {
 
 impl Disk for QueuedDisk {
     fn read(&self, name: &str, max_bytes: u64) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
-        let Some(waiting) = self.waiting.get(name) else {
-            if let Some(known) = self.ceilings.borrow().get(name) {
-                return Ok(known.clone());
-            }
-            let read = self.disk.read(name, max_bytes)?;
-            self.know(name, read.clone());
-            return Ok(read);
-        };
-        let max = usize::try_from(max_bytes).unwrap_or(usize::MAX);
-        let bytes = waiting.bytes.get(..max).unwrap_or(&waiting.bytes);
-        Ok(Some(Zeroizing::new(bytes.to_vec())))
+        if max_bytes == 0 {
+            return Ok(self.is_there(name).then(Zeroizing::default));
+        }
+        if let Some(one) = self.unwritten.get(name) {
+            return one.read(name, max_bytes, |most| self.disk.read(name, most));
+        }
+        if let Some(known) = self.ceilings.borrow().get(name) {
+            return Ok(known.clone());
+        }
+        let read = self.disk.read(name, max_bytes)?;
+        self.know(name, read.clone());
+        Ok(read)
     }
 
     fn replace(
@@ -382,25 +409,24 @@ impl Disk for QueuedDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        // A write that follows a queued record must be queued too: otherwise the queued one would overwrite it. So must every
-        // write of a shared store: a file that is in the folder is stored with the next one, perhaps before the line of its
-        // log, and the node that takes over in between would find a change without its line.
-        let shared = self.disk.system().is_shared();
-        if durability == Durability::Process && !shared && !self.waiting.contains_key(name) {
+        if self.is_at_once(name, durability) && !self.compactions.contains_key(name) {
             self.ceilings.get_mut().remove(name);
             self.disk.replace(name, bytes, durability)?;
-            // The end of a replaced log does not belong to the new one.
-            self.tails.remove(name);
-            self.lanes[lane_of(name)]
-                .next
-                .logs
-                .retain(|log| log.name != name);
+            self.lengths.insert(name.to_owned(), bytes.len() as u64);
             return Ok(());
         }
-        self.check(name)?;
-        self.put(name, Zeroizing::new(bytes.to_vec()), false)?;
+        self.check(name, bytes.len() as u64)?;
+        let content: Content = Arc::new(Zeroizing::new(bytes.to_vec()));
+        let step = Step::Replace {
+            name: name.to_owned(),
+            content: content.clone(),
+            written: Written::No,
+        };
+        self.queue(name, self.is_power(durability), step);
+        self.note(name, Base::Content(content));
         self.ceilings.get_mut().remove(name);
         self.know(name, Some(Zeroizing::new(bytes.to_vec())));
+        self.start(lane_of(name));
         Ok(())
     }
 
@@ -410,111 +436,81 @@ impl Disk for QueuedDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
-        let power = durability == Durability::Power;
-        let shared = self.disk.system().is_shared();
-        if power || shared {
-            self.check(name)?;
+        if self.is_at_once(name, durability) {
+            let added = self.append_at_once(name, bytes);
+            return added.map_err(|cause| StoreError::new(name, cause));
         }
-        // A log that this process did not begin may have an end that a failed synchronisation lost: see the head of this
-        // file.
-        if self.waiting.contains_key(name) || (power && !self.begun.contains(name)) {
-            let is_there = self.waiting.contains_key(name) || self.disk.has(name);
-            let read = || self.read_whole(name, MAX_RECORD_BYTES);
-            let before = is_there.then(read).transpose()?;
-            let mut all = before.flatten().unwrap_or_default();
-            // Allocated in full: a growing buffer copies its content.
-            all.reserve_exact(bytes.len());
-            all.extend_from_slice(bytes);
-            self.put(name, all, true)?;
-            self.begun.insert(name.to_owned());
+        let power = self.is_power(durability);
+        // What the caller writes otherwise is not refused here for a fault.
+        match power || durability != Durability::Process {
+            true => self.check(name, bytes.len() as u64)?,
+            false => self.check_memory(name)?,
+        }
+        let step = Step::Append {
+            name: name.to_owned(),
+            lines: bytes.to_vec(),
+        };
+        self.queue(name, power, step);
+        self.bytes += bytes.len() as u64;
+        let change = self.queued;
+        let (lengths, disk) = (&self.lengths, &self.disk);
+        let one = self.unwritten.entry(name.to_owned()).or_insert_with(|| {
+            let length = lengths.get(name).copied();
+            let length = length.unwrap_or_else(|| disk.length(name));
+            Unwritten::new(Base::Disk(length), change)
+        });
+        one.append(bytes, change);
+        self.start(lane_of(name));
+        Ok(())
+    }
+
+    fn compact(&mut self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        if !self.is_at_once(name, Durability::Process) {
+            return self.replace(name, bytes, Durability::Process);
+        }
+        if self.compactions.contains_key(name) {
+            // It is rewritten already; a later one finds more to leave out.
             return Ok(());
         }
-        let added = self.disk.add(name, bytes);
-        let Added { file, start, new } = added.map_err(|cause| StoreError::new(name, cause))?;
+        self.check(name, bytes.len() as u64)?;
+        let content: Content = Arc::new(Zeroizing::new(bytes.to_vec()));
+        self.compactions
+            .insert(name.to_owned(), Compaction::default());
         let lane = lane_of(name);
-        if power || shared {
-            let id = self.queue(name);
-            let tail = self.tails.entry(name.to_owned()).or_insert(Tail {
-                id,
-                start,
-                bytes: Vec::new(),
-            });
-            tail.bytes.extend_from_slice(bytes);
-            let logs = &mut self.lanes[lane].next.logs;
-            logs.retain(|log| log.name != name);
-            logs.push(Grown {
-                name: name.to_owned(),
-                file,
-                id: tail.id,
-                end: tail.end(),
-            });
-        } else if let Some(tail) = self.tails.get_mut(name) {
-            // Not durable by request, but part of what a rewrite must contain.
-            tail.bytes.extend_from_slice(bytes);
-        }
-        if new {
-            self.lanes[lane].next.names.insert(name.to_owned());
-        }
+        let next = &mut self.lanes[lane].next;
+        next.compactions
+            .push(Compact::Write(name.to_owned(), content));
         self.start(lane);
         Ok(())
     }
 
     fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
-        for name in [from, to] {
-            self.check(name)?;
-            // A queued record would be renamed after this, and undo it.
-            if self.waiting.contains_key(name) {
-                return Err(StoreError::new(name, "it is still being written"));
-            }
-        }
-        let moved = self.disk.move_file(from, to);
-        if !moved.map_err(|cause| StoreError::new(from, cause))? {
+        debug_assert_eq!(family_of(from), family_of(to), "their steps have an order");
+        self.check(from, 0)?;
+        if !self.is_there(from) {
             return Ok(());
         }
-        let lane = lane_of(from);
-        let Lane { next, given, .. } = &mut self.lanes[lane];
-        // Lines that are not durable yet are followed under the new name.
-        for log in next.logs.iter_mut().filter(|log| log.name == from) {
-            to.clone_into(&mut log.name);
+        let step = Step::Rename {
+            from: from.to_owned(),
+            to: to.to_owned(),
+        };
+        self.queue(from, true, step);
+        for (name, base) in [(from, Base::Missing), (to, Base::Renamed)] {
+            self.note(name, base);
         }
-        self.tails.remove(to);
-        if let Some(tail) = self.tails.remove(from) {
-            self.tails.insert(to.to_owned(), tail);
-        }
-        self.begun.remove(to);
-        if self.begun.remove(from) {
-            self.begun.insert(to.to_owned());
-        }
-        // Changes already given to the thread keep the old name, under which it reports them.
-        let later = self.open.range_mut((Excluded(*given), Included(u64::MAX)));
-        for (_, name) in later.filter(|(_, name)| *name == from) {
-            to.clone_into(name);
-        }
-        next.names.insert(to.to_owned());
-        self.queue(to);
-        self.start(lane);
+        self.start(lane_of(from));
         Ok(())
     }
 
     fn remove(&mut self, name: &str) -> Result<(), StoreError> {
-        self.check(name)?;
-        let removed = self.disk.delete(name);
-        removed.map_err(|cause| StoreError::new(name, cause))?;
+        self.check(name, 0)?;
+        let step = Step::Remove {
+            name: name.to_owned(),
+        };
+        self.queue(name, true, step);
         self.ceilings.get_mut().remove(name);
-        self.tails.remove(name);
-        self.begun.remove(name);
-        let lane = lane_of(name);
-        let next = &mut self.lanes[lane].next;
-        // Its thread may still rename the record: deleting the name again comes after that.
-        if self.waiting.remove(name).is_some() {
-            if let Some(record) = next.records.remove(name) {
-                let _ = self.disk.system().remove(&record.beside);
-            }
-            next.removed.insert(name.to_owned());
-        }
-        next.names.insert(name.to_owned());
-        self.queue(name);
-        self.start(lane);
+        self.note(name, Base::Missing);
+        self.start(lane_of(name));
         Ok(())
     }
 
@@ -527,8 +523,8 @@ impl Disk for QueuedDisk {
     }
 
     fn failing(&self) -> Option<StoreError> {
-        let first = self.faults.first_key_value();
-        first.map(|(name, cause)| StoreError::new(&**name, cause))
+        let first = self.faults.values().next();
+        first.map(|fault| StoreError::new(&*fault.file, &fault.cause))
     }
 
     fn progress(&self, of: Changes) -> Progress {
@@ -536,7 +532,7 @@ impl Disk for QueuedDisk {
             return Progress::Durable;
         }
         let mut open = (self.open).range((Excluded(of.after), Included(of.until)));
-        let failing = |(_, name): (_, &String)| self.faults.contains_key(name);
+        let failing = |(_, family): (_, &String)| self.faults.contains_key(family);
         if open.clone().any(failing) {
             Progress::Failing
         } else if open.next().is_some() {
@@ -544,20 +540,6 @@ impl Disk for QueuedDisk {
         } else {
             Progress::Durable
         }
-    }
-}
-
-impl Tail {
-    fn end(&self) -> u64 {
-        self.start + self.bytes.len() as u64
-    }
-
-    /// Everything before `end` is durable; returns whether anything is left.
-    fn cut(&mut self, end: u64) -> bool {
-        let done = usize::try_from(end.saturating_sub(self.start)).unwrap_or(usize::MAX);
-        self.bytes.drain(..done.min(self.bytes.len()));
-        self.start = self.start.max(end);
-        !self.bytes.is_empty()
     }
 }
 
@@ -598,6 +580,8 @@ fn renew(disk: &FileDisk) -> io::Result<BTreeSet<String>> {
 
 /// Prefix of the names of audit logs.
 pub(super) const LOGS: &str = "audit-";
+/// The most that waits for the disk, bytes: some of the largest records.
+const MAX_WAITING: u64 = 64 << 20;
 /// How often the end of the program checks whether all is written.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex};
 
 use super::*;
-use crate::shell::disk::{FileSystem, NativeFileSystem, OpenError};
+use crate::shell::disk::{Added, FileSystem, NativeFileSystem, OpenError};
 
 fn disk(folder: &Path) -> QueuedDisk {
     let disk = FileDisk::open(folder).expect("a store");
@@ -107,13 +107,19 @@ struct Platter {
     clean: BTreeMap<OsString, u64>,
     /// Open, so that no inode is used twice.
     held: Vec<File>,
-    /// The thread of each write.
+    /// The thread of each file that was created, renamed or deleted.
     writers: Vec<Option<String>>,
 }
 
 impl Forgetful {
     fn set(&self, change: impl FnOnce(&mut Platter)) {
         change(&mut self.0.lock().unwrap());
+    }
+
+    fn note_writer(&self) {
+        let thread = std::thread::current();
+        let name = thread.name().map(str::to_owned);
+        self.set(|platter| platter.writers.push(name));
     }
 
     /// What a power cut would leave of a file.
@@ -151,12 +157,17 @@ fn names(folder: &Path) -> io::Result<BTreeMap<OsString, u64>> {
 impl FileSystem for Forgetful {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         // The folder has changed, even where the name goes again.
-        self.set(|platter| {
-            platter.clean.clear();
-            let thread = std::thread::current();
-            platter.writers.push(thread.name().map(str::to_owned));
-        });
+        self.set(|platter| platter.clean.clear());
+        self.note_writer();
         NativeFileSystem.write(path, bytes)
+    }
+
+    fn add(&self, path: &Path, bytes: &[u8]) -> io::Result<Added> {
+        let added = NativeFileSystem.add(path, bytes)?;
+        if added.new {
+            self.note_writer();
+        }
+        Ok(added)
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
@@ -182,10 +193,12 @@ impl FileSystem for Forgetful {
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        self.note_writer();
         NativeFileSystem.rename(from, to)
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
+        self.note_writer();
         NativeFileSystem.remove(path)
     }
 
@@ -361,6 +374,99 @@ fn nobody_but_its_thread_writes_what_a_link_lives_by() {
 }
 
 #[test]
+fn nobody_but_the_threads_creates_renames_or_deletes_a_file() {
+    let (folder, system) = (tempfile::tempdir().unwrap(), Forgetful::default());
+    let store = folder.path().join("state");
+    let mut disk = on(&store, &system);
+    // As a start leaves it.
+    let commands = "commands-1.log";
+    disk.append(commands, b"1\n", Durability::Process).unwrap();
+    system.set(|platter| platter.writers.clear());
+    for durability in [Durability::Answered, Durability::Power] {
+        for name in ["authority-1.json", "clock-0102030405060708"] {
+            disk.replace(name, b"1", durability).unwrap();
+            disk.replace(name, b"2", durability).unwrap();
+        }
+        for line in ["1\n", "2\n"] {
+            disk.append("audit-1.log", line.as_bytes(), durability)
+                .unwrap();
+            disk.rotate("audit-1.log", 2).unwrap();
+        }
+        disk.remove("plan-1.log").unwrap();
+        // Behind a change of the same files, though it would be written at once otherwise.
+        disk.replace("plan-1.log", b"1", Durability::Process)
+            .unwrap();
+    }
+    disk.append(commands, b"2\n", Durability::Process).unwrap();
+    disk.compact(commands, b"12\n").unwrap();
+    heal(&mut disk);
+    let writers = std::mem::take(&mut system.0.lock().unwrap().writers);
+    assert!(writers.len() > 10, "{writers:?}");
+    for writer in writers {
+        let name = writer.as_deref();
+        assert!(
+            [Some("clock-writer"), Some("disk-writer")].contains(&name),
+            "{name:?}"
+        );
+    }
+    let read = |name: &str| std::fs::read_to_string(store.join(name)).unwrap();
+    assert_eq!(read("authority-1.json"), "2");
+    assert_eq!(read("plan-1.log"), "1");
+    assert_eq!(read(commands), "12\n");
+    assert!(!store.join("audit-1.log").exists());
+    // Of four, two are kept.
+    assert_eq!(
+        (read("audit-1.log.1"), read("audit-1.log.2")),
+        ("2\n".into(), "1\n".into())
+    );
+}
+
+#[test]
+fn what_only_an_answer_follows_is_in_its_file_and_not_synchronised() {
+    let (folder, system) = (tempfile::tempdir().unwrap(), Forgetful::default());
+    let store = folder.path().join("state");
+    let mut disk = on(&store, &system);
+    let (log, record) = ("audit-monitors-1.log", "authority-1.json");
+    let answered = outcome(&mut disk, |disk| {
+        disk.append(log, b"1\n", Durability::Answered).unwrap();
+        disk.replace(record, b"1", Durability::Answered).unwrap();
+    });
+    assert_eq!(answered, Progress::Durable);
+    let read = |name: &str| std::fs::read_to_string(store.join(name)).unwrap();
+    assert_eq!((read(log), read(record)), ("1\n".into(), "1".into()));
+    assert_eq!((system.left(log), system.left(record)), (None, None));
+    // What must survive a power cut takes what was before with it.
+    assert_eq!(outcome(&mut disk, save(record)), Progress::Durable);
+    assert_eq!(outcome(&mut disk, line(log, "2\n")), Progress::Durable);
+    assert_eq!(system.left(record).unwrap(), record.as_bytes());
+    assert_eq!(system.left(log).unwrap(), b"1\n2\n");
+}
+
+#[test]
+fn lines_of_a_log_that_is_put_aside_while_they_wait_are_where_they_belong() {
+    let (folder, system) = (tempfile::tempdir().unwrap(), Forgetful::default());
+    let mut disk = on(&folder.path().join("state"), &system);
+    let lines = ["1\n", "2\n", "3\n"];
+    for (number, text) in lines.into_iter().enumerate() {
+        if number == 1 {
+            // From here on nothing is synchronised, and it is not known yet.
+            system.set(|platter| (platter.files_fail, platter.folder_fails) = (true, true));
+        }
+        line("audit-1.log", text)(&mut disk);
+        disk.rotate("audit-1.log", 8).unwrap();
+    }
+    line("audit-1.log", "4\n")(&mut disk);
+    assert!(!disk.wait(Duration::from_secs(2)));
+    system.set(|platter| (platter.files_fail, platter.folder_fails) = (false, false));
+    heal(&mut disk);
+    for (number, text) in lines.into_iter().rev().enumerate() {
+        let name = format!("audit-1.log.{}", number + 1);
+        assert_eq!(system.left(&name).unwrap(), text.as_bytes(), "{name}");
+    }
+    assert_eq!(system.left("audit-1.log").unwrap(), b"4\n");
+}
+
+#[test]
 fn names_that_could_not_be_synchronised_are_written_again() {
     let (folder, system) = (tempfile::tempdir().unwrap(), Forgetful::default());
     let mut disk = on(&folder.path().join("state"), &system);
@@ -402,9 +508,10 @@ fn a_line_that_is_refused_is_not_in_the_log() {
     assert_eq!(std::fs::read(store.join("log")).unwrap(), b"1\n");
 }
 
-/// A disk that has no room for a new file, nor for more of a log, once it is full; and what its synchronisations wait for.
+/// A disk that has no room for a new file, nor for more of a log, once it is full; what its synchronisations and renames wait
+/// for; and whether something else takes its room just now, so that there seems to be some.
 #[derive(Debug, Clone, Default)]
-struct Full(Arc<AtomicBool>, Arc<Mutex<()>>);
+struct Full(Arc<AtomicBool>, Arc<Mutex<()>>, Arc<AtomicBool>);
 
 impl FileSystem for Full {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -412,6 +519,14 @@ impl FileSystem for Full {
             return Err(io::ErrorKind::StorageFull.into());
         }
         NativeFileSystem.write(path, bytes)
+    }
+
+    fn check_room(&self, _: &Path, bytes: u64) -> io::Result<()> {
+        let is_full = self.0.load(Ordering::Relaxed) && !self.2.load(Ordering::Relaxed);
+        match is_full && bytes > 0 {
+            true => Err(io::ErrorKind::StorageFull.into()),
+            false => Ok(()),
+        }
     }
 
     fn write_over(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -432,6 +547,7 @@ impl FileSystem for Full {
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        let _turn = self.1.lock().unwrap();
         NativeFileSystem.rename(from, to)
     }
 
@@ -461,6 +577,7 @@ fn a_log_that_a_full_disk_does_not_take_holds_back_nothing_that_a_link_lives_by(
     let turn = system.1.lock().unwrap();
     save("plan-1.json")(&mut disk);
     system.0.store(true, Ordering::Relaxed);
+    system.2.store(true, Ordering::Relaxed);
     let after = disk.queued();
     line("audit-1.log", "2\n")(&mut disk);
     let log = Changes {
@@ -616,6 +733,103 @@ fn a_thread_that_hangs_creates_nothing_in_a_store_that_is_given_up() {
     let left: Vec<OsString> = names(&store).unwrap().into_keys().collect();
     assert_eq!(left, ["lock"]);
     drop(erases);
+}
+
+#[test]
+fn what_was_accepted_before_the_disk_was_full_waits_for_room_and_nothing_more_is_accepted() {
+    const CLOCK: &str = "clock-0102030405060708";
+    let (folder, system) = (tempfile::tempdir().unwrap(), Full::default());
+    let store = folder.path().join("state");
+    let disk = FileDisk::open_on(&store, Box::new(system.clone())).expect("a store");
+    let mut disk = QueuedDisk::new(disk, Arc::new(Notify::new())).expect("a thread");
+    assert_eq!(outcome(&mut disk, save(CLOCK)), Progress::Durable);
+    assert_eq!(outcome(&mut disk, save("plan-1.json")), Progress::Durable);
+
+    system.0.store(true, Ordering::Relaxed);
+    system.2.store(true, Ordering::Relaxed);
+    let after = disk.queued();
+    save("authority-1.json")(&mut disk);
+    let accepted = Changes {
+        after,
+        until: disk.queued(),
+    };
+    assert_eq!(wait(&mut disk, accepted), Progress::Failing);
+    assert_eq!(disk.failing().unwrap().name, "authority-1.json");
+    // By what the thread has found, whatever room there seems to be.
+    for name in ["authority-1.json", "authority-2.json"] {
+        disk.replace(name, b"refused", Durability::Power)
+            .unwrap_err();
+    }
+    disk.append("audit-2.log", b"refused\n", Durability::Power)
+        .unwrap_err();
+    assert_eq!(outcome(&mut disk, save(CLOCK)), Progress::Durable);
+    // That makes room.
+    let removed = outcome(&mut disk, |disk| disk.remove("plan-1.json").unwrap());
+    assert_eq!(removed, Progress::Durable);
+
+    system.0.store(false, Ordering::Relaxed);
+    heal(&mut disk);
+    assert_eq!(disk.progress(accepted), Progress::Durable);
+    let written = std::fs::read(store.join("authority-1.json")).unwrap();
+    assert_eq!(written, b"authority-1.json");
+    assert_eq!(
+        outcome(&mut disk, save("authority-2.json")),
+        Progress::Durable
+    );
+    let left = names(&store).unwrap();
+    let left: Vec<OsString> = left.into_keys().collect();
+    assert_eq!(
+        left,
+        ["authority-1.json", "authority-2.json", CLOCK, "lock"]
+    );
+}
+
+#[test]
+fn a_line_is_in_its_log_whenever_the_process_ends_while_that_is_made_shorter() {
+    const LOG: &str = "commands-1b0000a0.log";
+    let (folder, system) = (tempfile::tempdir().unwrap(), Full::default());
+    let store = folder.path().join("state");
+    let disk = FileDisk::open_on(&store, Box::new(system.clone())).expect("a store");
+    let mut disk = QueuedDisk::new(disk, Arc::new(Notify::new())).expect("a thread");
+    // What `kill -9` would leave.
+    let left = || std::fs::read_to_string(store.join(LOG)).unwrap();
+    let add = |disk: &mut QueuedDisk, text: &str| {
+        disk.append(LOG, text.as_bytes(), Durability::Process)
+            .unwrap();
+        assert!(left().ends_with(text), "{}", left());
+    };
+    add(&mut disk, "long 1\n");
+    // The new file gets no name before that.
+    let turn = system.1.lock().unwrap();
+    disk.compact(LOG, b"1\n").unwrap();
+    add(&mut disk, "2\n");
+    let new = store.join(format!("{LOG}.new-1"));
+    let end = Instant::now() + Duration::from_secs(20);
+    while !std::fs::read(&new).is_ok_and(|new| new == b"1\n2\n") && Instant::now() < end {
+        std::thread::sleep(LOOK_AGAIN);
+        disk.poll();
+    }
+    // Both are whole.
+    add(&mut disk, "3\n");
+    assert_eq!(left(), "long 1\n2\n3\n");
+    assert_eq!(std::fs::read(&new).unwrap(), b"1\n2\n3\n");
+    // Another time while it is under way changes nothing.
+    disk.compact(LOG, b"?").unwrap();
+    drop(turn);
+    add(&mut disk, "4\n");
+    heal(&mut disk);
+    add(&mut disk, "5\n");
+    assert_eq!(left(), "1\n2\n3\n4\n5\n");
+    assert!(!new.exists());
+
+    // A full disk leaves the log as it is.
+    system.0.store(true, Ordering::Relaxed);
+    disk.compact(LOG, b"?").unwrap_err();
+    system.2.store(true, Ordering::Relaxed);
+    disk.compact(LOG, b"?").unwrap();
+    heal(&mut disk);
+    add(&mut disk, "6\n");
+    assert_eq!(left(), "1\n2\n3\n4\n5\n6\n");
 }
 
 #[test]

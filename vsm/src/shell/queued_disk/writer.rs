@@ -1,273 +1,421 @@
-//! The thread of a queued disk: it synchronises, renames, and synchronises the folder.
+//! The thread of a queued disk: it writes, synchronises, renames, and synchronises the folder.
+//!
+//! Of all that it is given at once, logs come first: a crash in between leaves a line too many, never a change without its
+//! line. Then the contents of all records, and only then their names, so that the folder is synchronised once for all of them.
+//!
+//! It never synchronises the same bytes in memory again: see the head of `queued_disk`.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
+use mavlink_link::store::MAX_RECORD_BYTES;
 use tokio::sync::Notify;
 use zeroize::Zeroizing;
 
-use crate::shell::disk::{self, FileSystem};
+use super::compaction::{Compact, Compacted};
+use super::steps::{BESIDE, Families, Family, Step, Written, beside};
+use crate::shell::disk::{FileSystem, is_no_room, keeps_its_room, length, write_over};
 
-/// The content of a record, or of a log written whole, that has not been renamed yet.
-#[derive(Debug, Clone)]
-pub(super) struct Waiting {
-    /// The change that wrote it.
-    pub(super) change: u64,
-    pub(super) beside: PathBuf,
-    pub(super) bytes: Arc<Zeroizing<Vec<u8>>>,
-    /// It is a log, which becomes durable before any record.
-    pub(super) log: bool,
-    /// The temporary file is written already.
-    pub(super) written: bool,
-}
-
-/// A log that has grown.
-#[derive(Debug)]
-pub(super) struct Grown {
-    pub(super) name: String,
-    /// Open: it may be renamed meanwhile.
-    pub(super) file: File,
-    /// Its tail.
-    pub(super) id: u64,
-    /// The length up to which it is to be synchronised.
-    pub(super) end: u64,
-}
-
-/// The changes made durable together.
+/// What a thread is given at once.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
-    /// The last change in it.
-    pub(super) change: u64,
-    pub(super) records: BTreeMap<String, Waiting>,
-    /// Logs that have grown.
-    pub(super) logs: Vec<Grown>,
-    /// Files that were deleted while a record with that name was queued.
-    pub(super) removed: BTreeSet<String>,
-    /// Files created, deleted or renamed: their folder is synchronised.
-    pub(super) names: BTreeSet<String>,
-    /// It has failed before.
-    pub(super) again: bool,
-    /// Logs that are lost and not rewritten yet: no record may become durable before them.
-    behind: BTreeSet<String>,
+    pub(super) families: Families,
+    pub(super) compactions: Vec<Compact>,
+    /// It was accepted before it was known that a line of a log has failed, and a record in it may be the one that the line is
+    /// about.
+    pub(super) blind: bool,
 }
 
 impl Batch {
     pub(super) fn is_empty(&self) -> bool {
-        self.records.is_empty()
-            && self.logs.is_empty()
-            && self.removed.is_empty()
-            && self.names.is_empty()
-    }
-
-    fn all(&self) -> BTreeSet<String> {
-        let logs = self.logs.iter().map(|log| &log.name);
-        let others = self.records.keys().chain(&self.removed).chain(&self.names);
-        logs.chain(others).cloned().collect()
-    }
-
-    fn all_failed(&self, cause: &io::Error) -> BTreeMap<String, String> {
-        let all = self.all().into_iter();
-        all.map(|name| (name, cause.to_string())).collect()
-    }
-
-    /// Keeps only what belongs to these files.
-    fn retain(&mut self, keep: impl Fn(&str) -> bool) {
-        self.records.retain(|name, _| keep(name));
-        self.logs.retain(|log| keep(&log.name));
-        self.removed.retain(|name| keep(name));
-        self.names.retain(|name| keep(name));
-    }
-
-    /// Adds the failed part of a newer batch.
-    fn add(&mut self, mut newer: Batch) {
-        self.change = self.change.max(newer.change);
-        self.records.append(&mut newer.records);
-        self.removed.append(&mut newer.removed);
-        self.names.append(&mut newer.names);
+        self.families.is_empty() && self.compactions.is_empty()
     }
 }
 
-/// What a thread reports of a batch.
+/// Why a family cannot be written.
+#[derive(Debug, Clone)]
+pub(super) struct Fault {
+    pub(super) file: String,
+    pub(super) cause: String,
+    /// There is no room for it, whatever room there seems to be.
+    pub(super) no_room: bool,
+}
+
+impl Fault {
+    fn new(file: &str, cause: &io::Error) -> Fault {
+        Fault {
+            file: file.to_owned(),
+            cause: cause.to_string(),
+            no_room: is_no_room(cause),
+        }
+    }
+}
+
+/// What a thread reports.
 #[derive(Debug)]
 pub(super) struct Done {
-    /// All changes of these files up to this one are durable.
-    pub(super) change: u64,
-    pub(super) files: BTreeSet<String>,
+    /// Families of which all changes up to this one are done.
+    pub(super) done: BTreeMap<String, u64>,
     /// These are not, and are tried again.
-    pub(super) failed: BTreeMap<String, String>,
-    /// Tails of logs that are durable, up to where.
-    pub(super) synced: Vec<(u64, u64)>,
-    /// Logs, by the names that they had, and their tails: to be written whole.
-    pub(super) lost: Vec<(String, u64)>,
-    /// It was tried again.
+    pub(super) failed: BTreeMap<String, Fault>,
+    /// A line of a log is among these.
+    pub(super) log_failed: bool,
+    pub(super) compacted: Vec<Compacted>,
+    /// It was tried again, and is of no new batch.
     pub(super) again: bool,
 }
 
-/// The thread; it runs until its disk is dropped.
+/// The thread; it runs until its disk is dropped. `begun`: see [`Writer`].
 pub(super) fn write(
-    system: &dyn FileSystem,
-    folder: &Path,
+    (system, folder): (&dyn FileSystem, &Path),
+    begun: BTreeSet<String>,
     batches: &Receiver<Batch>,
     reports: &Sender<Done>,
     progress: &Notify,
 ) {
+    let mut writer = Writer {
+        system,
+        folder,
+        begun,
+    };
     // What has failed, and when it is tried again.
-    let (mut failed, mut again_at) = (Batch::default(), Instant::now());
+    let (mut failed, mut again_at) = (Families::new(), Instant::now());
     loop {
         let batch = if failed.is_empty() {
             batches.recv().map_err(|_| RecvTimeoutError::Disconnected)
         } else {
             batches.recv_timeout(again_at.saturating_duration_since(Instant::now()))
         };
-        let mut batch = match batch {
+        let (mut work, compactions, again) = match batch {
             Ok(batch) => {
-                // The newer content of a file replaces the older.
-                for record in batch.all() {
-                    if let Some(older) = failed.records.remove(&record) {
-                        let _ = system.remove(&older.beside);
-                    }
-                    failed.removed.remove(&record);
-                    failed.names.remove(&record);
-                    if failed.behind.remove(&record) {
-                        again_at = Instant::now();
-                    }
-                }
-                batch
+                let work = join(&mut failed, batch.families, batch.blind);
+                (work, batch.compactions, false)
             }
-            // Records wait until the disk has the lost log written whole: a record must not be durable before its log line.
-            Err(RecvTimeoutError::Timeout) if !failed.behind.is_empty() => {
-                again_at = Instant::now() + TRY_AGAIN;
-                continue;
-            }
-            Err(RecvTimeoutError::Timeout) => std::mem::take(&mut failed),
+            Err(RecvTimeoutError::Timeout) => (std::mem::take(&mut failed), Vec::new(), true),
             Err(RecvTimeoutError::Disconnected) => return,
         };
-        let mut files = batch.all();
-        let causes = make_durable(system, folder, &batch);
-        let (change, again) = (batch.change, batch.again);
-        let durable = |log: &&Grown| !causes.contains_key(&log.name);
-        let synced = batch.logs.iter().filter(durable);
-        let synced = synced.map(|log| (log.id, log.end)).collect();
-        batch.retain(|name| causes.contains_key(name));
-        // A log is not tried again: after a failed synchronisation the system may count its cached pages as written.
-        let mut lost = Vec::new();
-        for log in std::mem::take(&mut batch.logs) {
-            failed.behind.insert(log.name.clone());
-            lost.push((log.name, log.id));
+        let (faults, log_failed) = writer.make_durable(&mut work);
+        let mut done = BTreeMap::new();
+        for (name, mut family) in work {
+            if faults.contains_key(&name) {
+                family.fail();
+                failed.insert(name, family);
+            } else {
+                done.insert(name, family.change);
+            }
         }
-        if !causes.is_empty() {
-            failed.add(batch);
-            failed.again = true;
+        if !faults.is_empty() {
             again_at = Instant::now() + TRY_AGAIN;
         }
-        let left = failed.all();
-        files.retain(|name| !left.contains(name) && !causes.contains_key(name));
+        let compactions = compactions.into_iter();
+        let compacted = compactions.filter_map(|one| one.carry_out(system, folder));
         let _ = reports.send(Done {
-            change,
-            files,
-            failed: causes,
-            synced,
-            lost,
+            done,
+            failed: faults,
+            log_failed,
+            compacted: compacted.collect(),
             again,
         });
         progress.notify_one();
     }
 }
 
-/// Returns what could not be made durable, and why. Logs before records: a crash in between leaves a line too many, never a
-/// change without its line.
-fn make_durable(system: &dyn FileSystem, folder: &Path, batch: &Batch) -> BTreeMap<String, String> {
-    let mut failed = BTreeMap::new();
-    for log in &batch.logs {
-        if let Err(cause) = system.sync_open(&log.file) {
-            failed.insert(log.name.clone(), cause.to_string());
+/// What is done now: what is new, behind what has failed of the same families; behind all of it, where it is `blind`.
+fn join(failed: &mut Families, new: Families, blind: bool) -> Families {
+    let mut work = match blind {
+        true => std::mem::take(failed),
+        false => Families::new(),
+    };
+    for (name, newer) in new {
+        let older = work.remove(&name).or_else(|| failed.remove(&name));
+        let family = match older {
+            Some(mut older) => {
+                older.follow(newer);
+                older
+            }
+            None => newer,
+        };
+        work.insert(name, family);
+    }
+    work
+}
+
+/// What the thread knows.
+struct Writer<'a> {
+    system: &'a dyn FileSystem,
+    folder: &'a Path,
+    /// Logs that this process has written whole: only of these it is known that no failed synchronisation has lost their end.
+    begun: BTreeSet<String>,
+}
+
+impl Writer<'_> {
+    /// Does all of it, and leaves what is to be tried again. Returns why, and whether a line of a log is among that.
+    fn make_durable(&mut self, work: &mut Families) -> (BTreeMap<String, Fault>, bool) {
+        let mut faults = BTreeMap::new();
+        let again = work.values().any(|one| one.again);
+        let logs = work.iter().filter(|(_, one)| one.is_log());
+        let logs: BTreeSet<String> = logs.map(|(name, _)| name.clone()).collect();
+        for (name, family) in work.iter_mut().filter(|(name, _)| logs.contains(*name)) {
+            if let Err(fault) = self.carry_out(family) {
+                faults.insert(name.clone(), fault);
+            }
         }
-    }
-    let mut renamed = false;
-    for (name, log) in batch.records.iter().filter(|(_, one)| one.log) {
-        let done = sync_beside(system, batch, log)
-            .and_then(|()| system.rename(&log.beside, &folder.join(name)));
-        match done {
-            Ok(()) => renamed = true,
-            Err(cause) => drop(failed.insert(name.clone(), cause.to_string())),
+        // Lines in a file that a power cut would leave without its name are no lines.
+        if let Err(cause) = self.sync_names(work, again) {
+            let all = work.iter();
+            let all = all.map(|(name, family)| (name.clone(), Fault::new(&family.file, &cause)));
+            return (all.collect(), true);
         }
-    }
-    if renamed && let Err(cause) = system.sync(folder) {
-        return batch.all_failed(&cause);
-    }
-    if let Some((log, cause)) = failed.clone().first_key_value() {
-        // Any of the records may be the one that a failed line is about.
-        let cause = format!("{log}: {cause}");
-        let records = batch.records.iter().filter(|(_, one)| !one.log);
-        failed.extend(records.map(|(name, _)| (name.clone(), cause.clone())));
-    }
-    // All contents first, then all renames: the folder is synchronised once for all of them.
-    let mut ready = Vec::new();
-    for (name, record) in batch.records.iter().filter(|(_, one)| !one.log) {
-        if failed.contains_key(name) {
-            continue;
+        let of_log = faults.values().next().cloned();
+        for (name, family) in work.iter_mut().filter(|(name, _)| !logs.contains(*name)) {
+            let prepared = match &of_log {
+                // Any of them may be the one that a failed line is about.
+                Some(log) => Err(Fault {
+                    file: family.file.clone(),
+                    cause: format!("{}: {}", log.file, log.cause),
+                    no_room: log.no_room,
+                }),
+                None => self.prepare_all(family),
+            };
+            if let Err(fault) = prepared {
+                faults.insert(name.clone(), fault);
+            }
         }
-        match sync_beside(system, batch, record) {
-            Ok(()) => ready.push((name, record)),
+        for (name, family) in work.iter_mut().filter(|(name, _)| !logs.contains(*name)) {
+            if !faults.contains_key(name)
+                && let Err(fault) = self.carry_out(family)
+            {
+                faults.insert(name.clone(), fault);
+            }
+        }
+        if let Err(cause) = self.sync_names(work, again) {
+            for (name, family) in work.iter().filter(|(_, one)| one.names) {
+                let fault = || Fault::new(&family.file, &cause);
+                faults.entry(name.clone()).or_insert_with(fault);
+            }
+        }
+        (faults, of_log.is_some())
+    }
+
+    /// Synchronises the folder, where names in it have changed.
+    fn sync_names(&self, work: &mut Families, again: bool) -> io::Result<()> {
+        if !work.values().any(|one| one.names) {
+            return Ok(());
+        }
+        if again {
+            dirty_names(self.system, self.folder)?;
+        }
+        self.system.sync(self.folder)?;
+        work.values_mut().for_each(|one| one.names = false);
+        Ok(())
+    }
+
+    fn prepare_all(&self, family: &mut Family) -> Result<(), Fault> {
+        let power = family.power;
+        // Behind a rename the same name may come again.
+        let is_before = |step: &&mut Step| !matches!(step, Step::Rename { .. });
+        let mut steps = family.steps.iter_mut().take_while(is_before);
+        steps.try_for_each(|step| self.prepare(step, power))
+    }
+
+    /// Writes the new content of a file beside it.
+    fn prepare(&self, step: &mut Step, power: bool) -> Result<(), Fault> {
+        let Step::Replace {
+            name,
+            content,
+            written,
+        } = step
+        else {
+            return Ok(());
+        };
+        if *written != Written::No {
+            return Ok(());
+        }
+        let (beside, path) = (self.beside(name), self.path(name));
+        let done = self.system.write(&beside, content);
+        let done = done.and_then(|()| match power {
+            true => self.system.sync(&beside),
+            false => Ok(()),
+        });
+        *written = match done {
+            Ok(()) => Written::Beside,
             Err(cause) => {
-                if let Err(cause) = write_over(system, &folder.join(name), record, cause) {
-                    failed.insert(name.clone(), cause.to_string());
+                // It takes room.
+                let _ = self.system.remove(&beside);
+                let may = keeps_its_room(name) && is_no_room(&cause);
+                if !may || write_over(self.system, &path, content, power).is_err() {
+                    return Err(Fault::new(name, &cause));
                 }
+                Written::InPlace
+            }
+        };
+        Ok(())
+    }
+
+    /// Does the steps of a family, up to the first that fails.
+    fn carry_out(&mut self, family: &mut Family) -> Result<(), Fault> {
+        let power = family.power;
+        while let Some(step) = family.steps.first_mut() {
+            self.prepare(step, power)?;
+            let changed = self.step(step, power)?;
+            family.names |= changed && power;
+            // What is done is not done again: a rename would replace what came since.
+            family.steps.remove(0);
+        }
+        Ok(())
+    }
+
+    /// Returns whether names in the folder have changed.
+    fn step(&mut self, step: &mut Step, power: bool) -> Result<bool, Fault> {
+        match step {
+            Step::Replace { name, written, .. } => {
+                if *written == Written::Beside {
+                    let renamed = self.system.rename(&self.beside(name), &self.path(name));
+                    renamed.map_err(|cause| Fault::new(name, &cause))?;
+                }
+                if !power {
+                    self.begun.remove(&*name);
+                }
+                Ok(true)
+            }
+            Step::Append { name, lines } => match self.append(name, lines, power) {
+                Ok(new) => Ok(new),
+                Err((cause, lost)) => {
+                    let fault = Fault::new(name, &cause);
+                    if let Some(start) = lost {
+                        self.begun.remove(&*name);
+                        let (name, lines) = (std::mem::take(name), std::mem::take(lines));
+                        *step = Step::Mend { name, start, lines };
+                    }
+                    Err(fault)
+                }
+            },
+            Step::Mend { name, start, lines } => {
+                let mended = self.read_up_to(name, *start);
+                let mended = mended.and_then(|before| self.write_whole(name, before, lines));
+                mended.map_err(|cause| Fault::new(name, &cause))?;
+                Ok(true)
+            }
+            Step::Rename { from, to } => {
+                let renamed = self.system.rename(&self.path(from), &self.path(to));
+                if let Err(cause) = renamed
+                    && cause.kind() != io::ErrorKind::NotFound
+                {
+                    return Err(Fault::new(from, &cause));
+                }
+                self.begun.remove(&*to);
+                if self.begun.remove(&*from) {
+                    self.begun.insert(to.clone());
+                }
+                Ok(true)
+            }
+            Step::Remove { name } => {
+                let removed = self.system.remove(&self.path(name));
+                removed.map_err(|cause| Fault::new(name, &cause))?;
+                // What it was to be replaced by, if that has failed.
+                let _ = self.system.remove(&self.beside(name));
+                self.begun.remove(&*name);
+                Ok(true)
             }
         }
     }
-    for (name, record) in ready {
-        if let Err(cause) = system.rename(&record.beside, &folder.join(name)) {
-            failed.insert(name.clone(), cause.to_string());
+
+    /// Adds lines to a log; returns whether it is new.
+    ///
+    /// # Errors
+    /// The system's. With a length, the log may have lost what is behind that, or have a part of the lines.
+    fn append(
+        &mut self,
+        name: &str,
+        lines: &[u8],
+        power: bool,
+    ) -> Result<bool, (io::Error, Option<u64>)> {
+        let path = self.path(name);
+        if power && !self.begun.contains(name) {
+            let before = self.read_whole(name);
+            let whole = before.and_then(|before| self.write_whole(name, before, lines));
+            return whole.map(|()| true).map_err(|cause| (cause, None));
         }
-    }
-    for name in &batch.removed {
-        if let Err(cause) = system.remove(&folder.join(name)) {
-            failed.insert(name.clone(), cause.to_string());
+        let start = length(&path);
+        let added = match self.system.add(&path, lines) {
+            Ok(added) => added,
+            // Nothing of it is there: it need not be written whole, for which a full disk has no room.
+            Err(cause) if length(&path) == start => return Err((cause, None)),
+            Err(cause) => return Err((cause, Some(start))),
+        };
+        if power && let Err(cause) = self.system.sync_open(&added.file) {
+            return Err((cause, Some(added.start)));
         }
+        Ok(added.new)
     }
-    // Names and deletions are entries of the folder.
-    let names = if batch.again {
-        dirty_names(system, folder)
-    } else {
+
+    /// Writes a log whole, beside, and renames it.
+    fn write_whole(
+        &mut self,
+        name: &str,
+        before: Zeroizing<Vec<u8>>,
+        lines: &[u8],
+    ) -> io::Result<()> {
+        let mut all = before;
+        // A growing buffer copies its content.
+        all.reserve_exact(lines.len());
+        all.extend_from_slice(lines);
+        let beside = self.beside(name);
+        let done = self
+            .system
+            .write(&beside, &all)
+            .and_then(|()| self.system.sync(&beside))
+            .and_then(|()| self.system.rename(&beside, &self.path(name)));
+        if done.is_err() {
+            let _ = self.system.remove(&beside);
+            return done;
+        }
+        self.begun.insert(name.to_owned());
         Ok(())
-    };
-    match names.and_then(|()| system.sync(folder)) {
-        Ok(()) => failed,
-        Err(cause) => batch.all_failed(&cause),
+    }
+
+    fn read_whole(&self, name: &str) -> io::Result<Zeroizing<Vec<u8>>> {
+        let read = self.system.read(&self.path(name), MAX_RECORD_BYTES + 1)?;
+        let bytes = read.unwrap_or_default();
+        // One that something else has made longer than any log becomes would fill the memory.
+        if bytes.len() as u64 > MAX_RECORD_BYTES {
+            return Err(too_long());
+        }
+        Ok(bytes)
+    }
+
+    /// The first bytes of a log.
+    ///
+    /// # Errors
+    /// The log cannot be repaired: it stays as it is, and is refused until a restart checks it.
+    fn read_up_to(&self, name: &str, length: u64) -> io::Result<Zeroizing<Vec<u8>>> {
+        if length > MAX_RECORD_BYTES {
+            return Err(too_long());
+        }
+        let read = self.system.read(&self.path(name), length)?;
+        let bytes = read.unwrap_or_default();
+        if bytes.len() as u64 != length {
+            return Err(io::Error::other("it is cut off"));
+        }
+        Ok(bytes)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    fn beside(&self, name: &str) -> PathBuf {
+        beside(self.folder, name)
     }
 }
 
-/// Synchronises a temporary file.
-fn sync_beside(system: &dyn FileSystem, batch: &Batch, record: &Waiting) -> io::Result<()> {
-    if batch.again || !record.written {
-        // After a failed synchronisation the system may count its cached pages as written, so they are written again.
-        system.write(&record.beside, &record.bytes)?;
-    }
-    system.sync(&record.beside)
-}
-
-/// Writes a record over what is there, where no link works without it and the disk has no room beside.
-///
-/// # Errors
-/// `cause`, which the other way has failed for, or the record is none of these.
-fn write_over(
-    system: &dyn FileSystem,
-    path: &Path,
-    record: &Waiting,
-    cause: io::Error,
-) -> io::Result<()> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    if !disk::keeps_its_room(&name) || !disk::is_no_room(&cause) {
-        return Err(cause);
-    }
-    let _ = system.remove(&record.beside);
-    disk::write_over(system, path, &record.bytes, true).map_err(|_| cause)
+fn too_long() -> io::Error {
+    io::Error::other(format!(
+        "it has more than {MAX_RECORD_BYTES} bytes: something else has written to it; keep a copy and restart"
+    ))
 }
 
 /// Changes the names of a folder, so that its next synchronisation writes them: after a failed one they may count as
@@ -281,7 +429,5 @@ pub(in crate::shell) fn dirty_names(system: &dyn FileSystem, folder: &Path) -> i
     system.remove(&name)
 }
 
-/// Separates the name of a record from the number of the change that wrote it.
-pub(super) const BESIDE: &str = ".new-";
 /// The pause after a failure.
 const TRY_AGAIN: Duration = Duration::from_secs(1);

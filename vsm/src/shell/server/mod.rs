@@ -1,5 +1,5 @@
 //! `vsm run`: the bridge between its sockets. One thread, one machine; tasks only move bytes to and from it, a second thread
-//! synchronises the disk, and a third agrees on keys with the guards of CUCSs (`guard_thread`; `pairing` is the socket for
+//! writes the disk, and a third agrees on keys with the guards of CUCSs (`guard_thread`; `pairing` is the socket for
 //! such requests).
 
 mod batch;

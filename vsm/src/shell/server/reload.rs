@@ -20,7 +20,7 @@ use mavlink_link::Now;
 use mavlink_link::clock::Ceiling;
 use mavlink_link::service::text::one_line;
 use mavlink_link::signing::{KeyId, SigningKey};
-use mavlink_link::store::Record as _;
+use mavlink_link::store::{self, Disk as _, Progress, Record as _};
 use stanag_msgs::Id;
 use tokio::net::UnixListener;
 use tokio::signal::unix::{SignalKind, signal};
@@ -185,6 +185,18 @@ impl Reading {
                 "an earlier reload is still waiting for a file or a name server: reload again once that has answered"
                     .to_owned(),
             );
+        }
+        // A vehicle that was removed a moment ago may be added again: what it has left is read from its files.
+        let until = shared.core.borrow().store.queued();
+        let left = store::Changes { after: 0, until };
+        let is_written = || shared.core.borrow().store.progress(left) != Progress::Waiting;
+        let written = async {
+            while !is_written() {
+                sleep(LOOK_AGAIN).await;
+            }
+        };
+        if timeout(WRITTEN_WITHIN, written).await.is_err() {
+            return Err("the disk of the store is too slow: reload again".to_owned());
         }
         let (sender, receiver) = oneshot::channel();
         let mut open = Open::of(shared, resolver);
@@ -747,6 +759,9 @@ fn change_forwards(core: &mut Core, ends: &[usize], opened: Vec<OpenForward>) {
 }
 
 const PAUSE: Duration = Duration::from_millis(500);
+const LOOK_AGAIN: Duration = Duration::from_millis(10);
+/// Some synchronisations of a slow disk.
+const WRITTEN_WITHIN: Duration = Duration::from_secs(5);
 const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 /// Forty tiles from a slow disk, or several name servers in turn; `vsm reload` waits a little longer.
 const READ_WITHIN: Duration = Duration::from_secs(100);
