@@ -717,7 +717,7 @@ fn a_thread_that_hangs_creates_nothing_in_a_store_that_is_given_up() {
         }
         assert!(is_shown());
     };
-    let beside = store.join(format!("{}{BESIDE}{}", LINKS[0], until + 1));
+    let beside = store.join(format!("{}.new-1", LINKS[0]));
     until_shown(&|| beside.exists());
 
     // It hangs there, and is not waited for: the store is erased.
