@@ -10,8 +10,9 @@
 //! back when it restarts; a verified frame of ours lifts them again.
 //!
 //! Order of the parts: `config`, `receiver` (which frames of a key are accepted), `peer` (who the peer is, and whether it
-//! is live), `path` (which of two addresses leads to it), `challenge` (how clocks that are apart find together), `freshness` (how old a frame can be), `pin` (which link id the autopilot uses here), `report` (events and
-//! counters), `machine` (the state), `receive` and `send`.
+//! is live), `lift` (which stale frames may be a restarted vehicle's own), `path` (which of two addresses leads to it),
+//! `challenge` (how clocks that are apart find together), `freshness` (how old a frame can be), `pin` (which link id the
+//! autopilot uses here), `report` (events and counters), `machine` (the state), `receive` and `send`.
 //!
 //! ```
 //! use core::time::Duration;
@@ -61,6 +62,7 @@
 pub(crate) mod challenge;
 mod config;
 mod freshness;
+mod lift;
 mod machine;
 mod path;
 mod peer;
@@ -72,8 +74,8 @@ mod send;
 
 pub use self::config::{LinkConfig, Role, Security};
 pub use self::freshness::Age;
+pub(crate) use self::lift::Rising;
 pub use self::machine::{Auth, Link};
-pub(crate) use self::peer::Rising;
 pub use self::peer::{Endpoint, LinkState, UNSIGNED_SILENCE};
 pub use self::receive::Delivery;
 pub use self::report::{Alert, Event, KeyExchangeFrame, LinkStats};
