@@ -5,7 +5,7 @@ use core::time::Duration;
 use super::challenge::{Ping, Receipt, Turns};
 use super::config::{LinkConfig, Security};
 use super::freshness::HeartbeatLog;
-use super::lift::Rising;
+use super::lift::{Lifts, Rising};
 use super::path::PathProbe;
 use super::peer::{LinkState, PeerLock, Presence};
 use super::pin::LinkIdPin;
@@ -53,8 +53,8 @@ pub(super) struct Core<A> {
     pub(super) seq: u8,
     pub(super) heartbeat_at: Duration,
     pub(super) heartbeat_due: bool,
-    /// Where a heartbeat must go at once to lift stamps: to somebody else, to the peer.
-    pub(super) lift: [Option<A>; 2],
+    /// Where heartbeats must go at once to lift stamps.
+    pub(super) lifts: Lifts<A, ()>,
     /// Senders of verified frames that are stamped too far ahead.
     pub(super) challenge: Turns<A, ()>,
     /// Who is to be answered that we are here.
@@ -106,7 +106,7 @@ impl<A: Copy + Eq> Link<A> {
                 // The first heartbeat is due at once: a signed frame of ours lifts the stamps of a restarted PX4.
                 heartbeat_at: Duration::ZERO,
                 heartbeat_due: false,
-                lift: [None; 2],
+                lifts: Lifts::new(),
                 challenge: Turns::new(),
                 answer: Turns::new(),
                 receipt: Receipt::default(),

@@ -10,7 +10,7 @@
 //! back when it restarts; a verified frame of ours lifts them again.
 //!
 //! Order of the parts: `config`, `receiver` (which frames of a key are accepted), `peer` (who the peer is, and whether it
-//! is live), `lift` (which stale frames may be a restarted vehicle's own), `path` (which of two addresses leads to it),
+//! is live), `lift` (who is sent the heartbeats that lift timestamps), `path` (which of two addresses leads to it),
 //! `challenge` (how clocks that are apart find together), `freshness` (how old a frame can be), `pin` (which link id the
 //! autopilot uses here), `report` (events and counters), `machine` (the state), `receive` and `send`.
 //!
@@ -74,7 +74,7 @@ mod send;
 
 pub use self::config::{LinkConfig, Role, Security};
 pub use self::freshness::Age;
-pub(crate) use self::lift::Rising;
+pub(crate) use self::lift::{Lifts, Rising};
 pub use self::machine::{Auth, Link};
 pub use self::peer::{Endpoint, LinkState, UNSIGNED_SILENCE};
 pub use self::receive::Delivery;

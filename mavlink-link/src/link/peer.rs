@@ -140,7 +140,7 @@ pub enum LinkState {
     Ahead,
 }
 
-/// Follows [`LinkState`] and paces the heartbeats that lift a vehicle that has fallen back.
+/// Follows [`LinkState`].
 #[derive(Debug)]
 pub(super) struct Presence {
     state: LinkState,
@@ -155,7 +155,6 @@ pub(super) struct Presence {
     stale: [Option<Duration>; STALE_FRAMES],
     /// When to raise the alert that the vehicle stays behind.
     alert_at: Option<Duration>,
-    lifted: [Option<Duration>; 3],
 }
 
 impl Presence {
@@ -168,7 +167,6 @@ impl Presence {
             autopilot: None,
             stale: [None; STALE_FRAMES],
             alert_at: None,
-            lifted: [None; 3],
         }
     }
 
@@ -245,19 +243,6 @@ impl Presence {
         core::mem::replace(&mut self.state, LinkState::Ahead) != LinkState::Ahead
     }
 
-    /// Whether a lifting heartbeat may be sent now: at most five a second to the peer, and ten to all others together, so that
-    /// replays from elsewhere cannot use up the peer's share, nor a faster copy that of a vehicle that is not known yet.
-    pub(super) fn may_lift(&mut self, to_peer: bool, mono: Duration) -> bool {
-        let (of_peer, of_others) = self.lifted.split_at_mut(1);
-        let places = if to_peer { of_peer } else { of_others };
-        let due = |at: &Option<Duration>| at.is_none_or(|at| mono.saturating_sub(at) >= LIFT_EVERY);
-        let Some(place) = places.iter_mut().find(|at| due(at)) else {
-            return false;
-        };
-        *place = Some(mono);
-        true
-    }
-
     pub(super) fn alert_at(&self) -> Option<Duration> {
         self.alert_at
     }
@@ -273,7 +258,6 @@ const SILENCE: Duration = Duration::from_secs(5);
 const STALE_FRAMES: usize = 3;
 const STALE_WITHIN: Duration = Duration::from_secs(1);
 const BEHIND_ALERT: Duration = Duration::from_secs(5);
-const LIFT_EVERY: Duration = Duration::from_millis(200);
 /// How long an accepted frame shows that the autopilot signs. One that has lost its key has restarted, which takes
 /// longer.
 const SIGNS_FOR: Duration = Duration::from_secs(2);

@@ -330,20 +330,19 @@ impl<A: Copy + Eq> Core<A> {
     }
 
     /// A verified frame with an old timestamp: the vehicle may have restarted, so a heartbeat that lifts
-    /// its timestamps is sent there at once, and nothing else. A recording that is played again has no effect.
+    /// its timestamps is sent there as soon as its turn comes, and nothing else. A recording that is played again has no effect.
     fn fallen_back(&mut self, mono: Duration, from: A, frame: &FrameView<'_>) {
-        let stamp = frame.signature().map(|signature| signature.stamp);
-        if !stamp.is_some_and(|stamp| self.rising.counts(from, stamp, mono)) {
+        let Some(stamp) = frame.signature().map(|signature| signature.stamp) else {
+            return;
+        };
+        if !self.rising.counts(from, stamp, mono) {
             return;
         }
         self.peer.stale_from(from, mono);
         if self.presence.stale(mono) {
             self.events.push(Event::Behind);
         }
-        let to_peer = self.peer.heartbeat_to() == Some(from);
-        if self.presence.may_lift(to_peer, mono) {
-            self.lift[usize::from(to_peer)] = Some(from);
-        }
+        self.lifts.note(from, self.peer.heartbeat_to(), stamp, ());
     }
 
     /// Any frame on a signed link before there is a key: only the exchange that makes one is passed on,

@@ -3,6 +3,8 @@
 //! There is no queue of signed frames: a retry is encoded and signed again, since the same bytes sent twice would be
 //! refused as a replay (pitfall 2).
 
+use core::time::Duration;
+
 use mavlink::Message as _;
 use thiserror::Error;
 
@@ -122,7 +124,7 @@ impl<A: Copy + Eq> Link<A> {
         {
             return Some(sent);
         }
-        let to = core.next_heartbeat_to()?;
+        let to = core.next_heartbeat_to(now.mono)?;
         let heartbeat = MavMessage::HEARTBEAT(core.config.heartbeat());
         let sent = core
             .send_to(to, now, auth, Content::Message(&heartbeat), out)
@@ -183,14 +185,14 @@ impl<A: Copy + Eq> Core<A> {
         self.heartbeat_due
             || self.receipt.due
             || self.path.due().is_some()
-            || self.lift.iter().any(Option::is_some)
+            || self.lifts.any()
             || self.answer.any()
             || self.challenge.any()
     }
 
-    fn next_heartbeat_to(&mut self) -> Option<A> {
+    fn next_heartbeat_to(&mut self, mono: Duration) -> Option<A> {
         let regular = self.peer.heartbeat_to();
-        if let Some(lift) = self.lift.iter_mut().find_map(Option::take) {
+        if let Some((lift, ())) = self.lifts.take(mono) {
             // One heartbeat serves both purposes where it goes to the same place.
             self.heartbeat_due &= regular != Some(lift);
             return Some(lift);

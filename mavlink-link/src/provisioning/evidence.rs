@@ -131,7 +131,8 @@ impl<A: Copy + Eq> KeyRollover<A> {
                 if let Some(signature) = frame.signature() {
                     let _ = self.peer.note_second(now.mono, from, &signature);
                     if self.rising.counts(from, signature.stamp, now.mono) {
-                        self.lift = Some((under, from));
+                        self.lifts
+                            .note(from, self.peer.get(), signature.stamp, under);
                     }
                 }
             }

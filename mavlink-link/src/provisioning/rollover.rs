@@ -8,10 +8,9 @@ use thiserror::Error;
 use crate::Now;
 use crate::address::ProvenAddress;
 use crate::frame::{Parser, Signature, Stamp};
-use crate::link::Rising;
 use crate::link::challenge::{Ping, Turns};
 use crate::link::receiver::KeyState;
-use crate::link::{Endpoint, LinkConfig};
+use crate::link::{Endpoint, Lifts, LinkConfig, Rising};
 use crate::signing::clock::{Ceiling, Origin};
 use crate::signing::{KeyId, SigningKey};
 use crate::store::{Disk, Store as _, StoreError};
@@ -117,9 +116,8 @@ pub struct KeyRollover<A> {
     pub(super) setup_due: bool,
     /// The new key is not durable yet.
     pub(super) held: bool,
-    /// Where a verified frame with a stale timestamp came from.
-    pub(super) lift: Option<(KeySlot, A)>,
-    pub(super) lifted_at: Option<Duration>,
+    /// Where verified frames with stale timestamps came from.
+    pub(super) lifts: Lifts<A, KeySlot>,
     /// Senders of verified frames that are stamped too far ahead, and of challenges of the same kind.
     pub(super) challenge: Turns<A, KeySlot>,
     pub(super) answer: Turns<A, (KeySlot, Ping)>,
@@ -224,10 +222,9 @@ impl<A: Copy + Eq> KeyRollover<A> {
             new_next: false,
             setup_due: false,
             held: false,
-            lift: None,
+            lifts: Lifts::new(),
             challenge: Turns::new(),
             answer: Turns::new(),
-            lifted_at: None,
             rising: Rising::new(),
             events: VecDeque::from([Event::State(state)]),
             outcome: None,

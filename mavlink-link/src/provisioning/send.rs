@@ -82,12 +82,8 @@ impl<A: Copy + Eq> KeyRollover<A> {
     /// Under which key a heartbeat is due, and where to. A stale frame gets a heartbeat at the address it came from, which
     /// lifts a vehicle that has restarted. It does not prove the address, so nothing else is sent there.
     fn next_heartbeat(&mut self, mono: Duration) -> Option<(KeySlot, A)> {
-        let may_lift = self
-            .lifted_at
-            .is_none_or(|at| mono.saturating_sub(at) >= LIFT_EVERY);
-        if let Some(lift) = self.lift.take_if(|_| may_lift) {
-            self.lifted_at = Some(mono);
-            return Some(lift);
+        if let Some((to, under)) = self.lifts.take(mono) {
+            return Some((under, to));
         }
         let to = self.peer()?;
         if mono < self.heartbeat_at {
@@ -266,4 +262,3 @@ const BEAT: Duration = Duration::from_secs(1);
 /// Heartbeats under both keys in turn, 5 Hz.
 const ASKING: Duration = Duration::from_millis(200);
 const ASKING_SLOWLY: Duration = Duration::from_secs(5);
-const LIFT_EVERY: Duration = Duration::from_millis(200);
