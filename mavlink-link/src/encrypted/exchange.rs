@@ -13,8 +13,8 @@ use super::sealer::Sealer;
 use crate::Now;
 use crate::exchange::{
     Agreed, Identity, Ignored, Inbound, Initiator, InitiatorConfig, InitiatorEvent, KeyInForce,
-    Message, Node, Parties, PublicKey, Random, Received, Responder, ResponderConfig,
-    ResponderEvent, Step, Trust, Wanted, policy_digest,
+    Message, Node, Parties, PublicKey, Random, Responder, ResponderConfig, ResponderEvent, Trust,
+    Wanted, policy_digest,
 };
 use crate::store::{Changes, Disk, Progress, Store as _};
 
@@ -238,7 +238,7 @@ impl<A: Copy + Eq + Hash> Keying<A> {
             after: before,
             until,
         });
-        if result == Err(Ignored::Limited) && !working && is_request(payload) {
+        if result == Err(Ignored::Limited) && !working && Message::is_request(payload) {
             self.hasten(now.mono, true);
         }
         agreed_now
@@ -440,10 +440,6 @@ impl Staging<'_> {
         *self.confirmed = self.role == Role::Air;
         true
     }
-}
-
-fn is_request(payload: &[u8]) -> bool {
-    matches!(Message::parse(payload), Ok(Received::Exchange(message)) if message.step == Step::Please)
 }
 
 /// The pause after the first request of the air side; each next one is twice as long.

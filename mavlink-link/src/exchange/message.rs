@@ -325,6 +325,12 @@ impl Message {
         }))
     }
 
+    /// Whether a payload is a request for an exchange (step 0).
+    #[must_use]
+    pub fn is_request(payload: &[u8]) -> bool {
+        matches!(Self::parse(payload), Ok(Received::Exchange(message)) if message.step == Step::Please)
+    }
+
     /// The whole payload; the frame encoder trims its trailing zeros.
     #[must_use]
     pub fn to_payload(&self) -> [u8; MAX_MESSAGE] {

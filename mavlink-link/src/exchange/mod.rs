@@ -16,8 +16,9 @@
 //!
 //! Order of the parts: `message` (the bytes of 229), `identity` (static keys), `pairing` (the code), `terms` (what both
 //! ends agree on beside the secrets), `gate` (who may start a handshake), `noise` (the handshake), `keys` (what is derived
-//! from it), `store` (what must be on disk at which step), `initiator` and `responder` (the two machines), `stats`; `order`
-//! is the order to zeroize between paired ends, `legacy` the unauthenticated exchange.
+//! from it), `store` (what must be on disk at which step), `initiator` and `responder` (the two machines), `stats`; `callers`
+//! is where a message goes while nothing shows where the peer is, `order` the order to zeroize between paired ends, `legacy`
+//! the unauthenticated exchange.
 //!
 //! A caller must keep on disk: its [`Identity`], the peer's [`PublicKey`], the counter, the epoch, and the keys
 //! `current` and `next`. [`InitiatorStore`] and [`ResponderStore`] define when, [`InitiatorMemory`] and
@@ -86,6 +87,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod callers;
 mod gate;
 mod identity;
 mod initiator;
@@ -100,6 +102,7 @@ mod stats;
 mod store;
 mod terms;
 
+pub use self::callers::Callers;
 pub use self::identity::{Fingerprint, Identity, NoRandom, PublicKey, Random};
 pub use self::initiator::{Initiator, InitiatorConfig, InitiatorEvent, KeyInForce, Trust};
 pub use self::keys::{Agreed, ConfidentialKeys};

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::exchange::{
-    Identity, Ignored, Inbound, Initiator, InitiatorConfig, InitiatorEvent, KeyInForce, Legacy,
-    Node, Parties, Random, Status, Trust, Wanted,
+    Callers, Identity, Ignored, Inbound, Initiator, InitiatorConfig, InitiatorEvent, KeyInForce,
+    Legacy, Message, Node, Parties, Random, Status, Trust, Wanted,
 };
 use mavlink_link::link::KeyExchangeFrame;
 use mavlink_link::signing::KeyId;
@@ -30,6 +30,8 @@ pub struct KeyExchange {
     record: ExchangeRecord,
     /// Where the latest message of the agent came from: the vehicle's link may not have a peer yet.
     agent_at: Option<Peer>,
+    /// Who else may be the agent until the link has a peer.
+    callers: Callers<Peer>,
     /// A message that could not be sent, for example because the ceiling of the clock is still being written, and until
     /// when to retry it.
     unsent: Option<(Vec<u8>, Duration)>,
@@ -125,6 +127,7 @@ impl KeyExchange {
             machine,
             record,
             agent_at: None,
+            callers: Callers::default(),
             unsent: None,
             check_at: now.mono,
             keep_until: None,
@@ -185,7 +188,7 @@ impl KeyExchange {
             };
             // Only a message that only the agent can have made shows where it is: at worst it is a recording of one.
             if self.take(now, source, &frame, with) && source == self.parties.responder {
-                self.agent_at = Some(frame.from);
+                self.locate(now, &frame, with);
             }
         }
         if now.mono >= self.check_at {
@@ -220,8 +223,33 @@ impl KeyExchange {
         {
             let until = now.mono.saturating_add(WORTH_SENDING);
             self.send(now, message.to_payload().to_vec(), until, with);
+            if let Some(at) = self.agent_at {
+                self.callers.served(at);
+            }
+        }
+        while with.is_stored()
+            && let Machine::Paired(initiator) = &self.machine
+            && let Some((to, message)) = self
+                .callers
+                .poll(now.mono, || initiator.message_in_progress())
+        {
+            let payload = message.to_payload();
+            with.bridge
+                .send_key_exchange(self.index, now, &payload, Some(to), with.store);
         }
         self.report(now, with);
+    }
+
+    /// Where the agent may be, by a message that it has made, now or some time ago.
+    fn locate(&mut self, now: Now, frame: &KeyExchangeFrame<Peer>, with: &Surroundings<'_>) {
+        let requests = Message::is_request(frame.payload());
+        if requests && !with.bridge.has_peer(self.index) {
+            self.callers.note(frame.from, now.mono);
+        }
+        let answered = matches!(&self.machine, Machine::Paired(one) if one.is_answered());
+        if !(requests && answered) {
+            self.agent_at = Some(frame.from);
+        }
     }
 
     fn send(&mut self, now: Now, payload: Vec<u8>, until: Duration, with: &mut Surroundings<'_>) {
@@ -480,6 +508,7 @@ impl KeyExchange {
             Machine::Paired(one) => one.order_zeroize(now.mono, in_flight, with.random),
             Machine::Unpaired | Machine::Legacy(_) => Ok(false),
         };
+        self.callers.call_back();
         self.zeroize = Some(match ordered {
             Ok(true) => NOT_REACHED.to_owned(),
             Ok(false) => "no agent is paired, and none was ordered to erase itself".to_owned(),

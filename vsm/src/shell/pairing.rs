@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use mavlink_link::encrypted::Role;
 use mavlink_link::exchange::{
-    Ignored, Inbound, Initiator, InitiatorConfig, InitiatorEvent, Node, PairingCode, PublicKey,
-    Status, Trust,
+    Callers, Ignored, Inbound, Initiator, InitiatorConfig, InitiatorEvent, Message, Node,
+    PairingCode, PublicKey, Status, Trust,
 };
 use mavlink_link::frame::{Header, KEY_EXCHANGE_ID, MAX_FRAME, Parser, encode_raw};
 use tokio::time::{Instant, sleep_until};
@@ -58,6 +58,8 @@ pub struct Pairing {
     peer: Option<Peer>,
     /// The peer's address comes from a message of the exchange.
     exchanged: bool,
+    /// Who else may be the agent.
+    callers: Callers<Peer>,
     parser: Parser,
     seq: u8,
     /// For an encrypted link: a pairing passes it in the clear, framed like the rest.
@@ -168,6 +170,7 @@ impl Pairing {
             writer,
             peer,
             exchanged: false,
+            callers: Callers::default(),
             parser: Parser::new(),
             seq: 0,
             encryption,
@@ -247,7 +250,7 @@ impl Pairing {
     /// Only KEY_EXCHANGE is used, signed or not: the code authenticates it.
     fn take(&mut self, from: Peer, bytes: &[u8]) {
         let now = self.clock.now();
-        let (_, bytes) = match &mut self.encryption {
+        let (from, bytes) = match &mut self.encryption {
             Some(one) => one.handle(now, from, bytes, &mut self.store),
             None => (from, bytes),
         };
@@ -282,9 +285,15 @@ impl Pairing {
                 let taken = self.initiator.handle(now, inbound, &mut disk);
                 // A hint during an attempt still shows where the agent is.
                 exchanged = matches!(taken, Ok(()) | Err(Ignored::Limited | Ignored::Hint));
+                if exchanged && Message::is_request(frame.payload()) {
+                    self.callers.note(from, now.mono);
+                    // An answer was made for this attempt, and a request may be a recording.
+                    exchanged = !self.initiator.is_answered();
+                }
             }
             // A listening link learns here where the vehicle is. Nothing is proven before the end, so a sender of an
-            // exchange message replaces any earlier one: nobody can block the place by being first.
+            // exchange message replaces any earlier one: nobody can block the place by being first. Nor by being last:
+            // each sender of a request is sent the message in progress too.
             if exchanged || !self.exchanged {
                 self.peer = Some(from);
                 self.exchanged |= exchanged;
@@ -308,25 +317,41 @@ impl Pairing {
             .handle_timeout(self.clock.now(), &mut system_random, &mut disk);
         while let Some(message) = self.initiator.poll_transmit() {
             let Some(to) = self.peer else { return };
-            let header = Header {
-                seq: self.seq,
-                system_id: self.parties.initiator.system,
-                component_id: self.parties.initiator.component,
-                message_id: KEY_EXCHANGE_ID,
-                ..Header::default()
-            };
-            self.seq = self.seq.wrapping_add(1);
-            let mut out = [0; MAX_FRAME];
-            if let Ok(len) = encode_raw(header, &message.to_payload(), &mut out) {
-                let frame = out.get(..len).unwrap_or_default();
-                // A frame that cannot be sent counts as lost.
-                match &mut self.encryption {
-                    None => drop(self.writer.send(frame, to).await),
-                    Some(one) => one.send(self.clock.mono(), to, frame),
-                }
-            }
+            self.callers.served(to);
+            self.transmit(to, &message).await;
+        }
+        let now = self.clock.mono();
+        while let Some((to, message)) = self
+            .callers
+            .poll(now, || self.initiator.message_in_progress())
+        {
+            self.transmit(to, &message).await;
         }
         self.send_encrypted().await;
+    }
+
+    async fn transmit(&mut self, to: Peer, message: &Message) {
+        let header = Header {
+            seq: self.seq,
+            system_id: self.parties.initiator.system,
+            component_id: self.parties.initiator.component,
+            message_id: KEY_EXCHANGE_ID,
+            ..Header::default()
+        };
+        self.seq = self.seq.wrapping_add(1);
+        let mut out = [0; MAX_FRAME];
+        let Ok(len) = encode_raw(header, &message.to_payload(), &mut out) else {
+            return;
+        };
+        let frame = out.get(..len).unwrap_or_default();
+        // A frame that cannot be sent counts as lost.
+        match &mut self.encryption {
+            None => drop(self.writer.send(frame, to).await),
+            Some(one) => {
+                one.send(self.clock.mono(), to, frame);
+                self.send_encrypted().await;
+            }
+        }
     }
 
     async fn send_encrypted(&mut self) {

@@ -12,9 +12,10 @@ use mavlink_link::dialect::{
     HEARTBEAT_DATA, MavAutopilot, MavMessage, RADIO_STATUS_DATA, STATUSTEXT_DATA, SYSTEM_TIME_DATA,
 };
 use mavlink_link::exchange::{
-    Data, Identity, Message, NoRandom, Node, PinnedPeer, Status, Step, VERSION,
+    Data, Identity, Message, NoRandom, Node, PinnedPeer, Random, Received, Responder,
+    ResponderConfig, ResponderMemory, Status, Step, VERSION, Wanted,
 };
-use mavlink_link::frame::{KEY_EXCHANGE_ID, MAX_FRAME};
+use mavlink_link::frame::{FrameView, KEY_EXCHANGE_ID, MAX_FRAME};
 use mavlink_link::receiver::Stream;
 use mavlink_link::signing::{KeyId, SigningKey};
 use px4_sim::{Autopilot, Signing};
@@ -64,12 +65,14 @@ struct Flight {
     folder: tempfile::TempDir,
 }
 
-fn config(folder: &Path) -> Config {
-    let text = "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:0\"\n\
-                [[vehicle]]\nid = \"1b:00:01:01\"\nlink = \"udpout:127.0.0.1:2001\"\nsystem_id = 1\n\
-                signing = { key_file = \"uav1.key\", exchange = \"on\" }\n\
-                [[cucs]]\nid = \"1b:00:00:a0\"\nloi = [2, 3, 4, 5]\n[store]\ndir = \"state\"\n";
-    Config::parse(text, folder).expect("good")
+fn config(folder: &Path, link: &str) -> Config {
+    let text = format!(
+        "[dli]\nvsm_id = \"1b:00:00:01\"\nlisten = \"127.0.0.1:0\"\n\
+         [[vehicle]]\nid = \"1b:00:01:01\"\nlink = \"{link}\"\nsystem_id = 1\n\
+         signing = {{ key_file = \"uav1.key\", exchange = \"on\" }}\n\
+         [[cucs]]\nid = \"1b:00:00:a0\"\nloi = [2, 3, 4, 5]\n[store]\ndir = \"state\"\n"
+    );
+    Config::parse(&text, folder).expect("good")
 }
 
 impl Flight {
@@ -80,7 +83,7 @@ impl Flight {
             wall: Duration::from_secs(1_795_246_260),
         };
         let folder = tempfile::tempdir().unwrap();
-        let config = config(folder.path());
+        let config = config(folder.path(), "udpout:127.0.0.1:2001");
         let mut store = FileDisk::open(&config.store.dir).unwrap();
         let keys = KeyStore::open(&folder.path().join("uav1.key")).unwrap();
         keys.stage(&key(5)).unwrap();
@@ -106,14 +109,7 @@ impl Flight {
         let LinkSigning::KeyFile(_, settings) = &vehicle.signing else {
             panic!("signed");
         };
-        let mut with = Surroundings {
-            bridge: &mut bridge,
-            store: &mut store,
-            records: None,
-            keys: &keys,
-            random: &mut dice,
-            not_before: NOT_BEFORE,
-        };
+        let mut with = surroundings(&mut bridge, &mut store, &keys, &mut dice);
         let exchange = KeyExchange::open(&config, vehicle, 0, *settings, now, &mut with).unwrap();
         let mut disk = Disk {
             current: agents_key,
@@ -161,14 +157,7 @@ impl Flight {
     ) -> T {
         self.seed += 1;
         let mut dice = dice(self.seed);
-        let mut with = Surroundings {
-            bridge: &mut self.bridge,
-            store: &mut self.store,
-            records: None,
-            keys: &self.keys,
-            random: &mut dice,
-            not_before: NOT_BEFORE,
-        };
+        let mut with = surroundings(&mut self.bridge, &mut self.store, &self.keys, &mut dice);
         act(&mut self.exchange, self.now, &mut with)
     }
 
@@ -344,6 +333,23 @@ impl Flight {
     }
 }
 
+/// What an exchange of the ground needs for one call.
+fn surroundings<'a>(
+    bridge: &'a mut Bridge,
+    store: &'a mut FileDisk,
+    keys: &'a KeyStore,
+    random: &'a mut dyn Random,
+) -> Surroundings<'a> {
+    Surroundings {
+        bridge,
+        store,
+        records: None,
+        keys,
+        random,
+        not_before: NOT_BEFORE,
+    }
+}
+
 fn settings() -> vsm::airside::Settings {
     vsm::airside::Settings {
         restamp: true,
@@ -364,7 +370,7 @@ fn dice(mut seed: u64) -> impl FnMut(&mut [u8]) -> Result<(), NoRandom> {
 }
 
 fn is_exchange(bytes: &[u8]) -> bool {
-    let frame = mavlink_link::frame::FrameView::parse(bytes).unwrap();
+    let frame = FrameView::parse(bytes).unwrap();
     frame.header().message_id == KEY_EXCHANGE_ID
 }
 
@@ -498,4 +504,95 @@ fn others() -> Vec<(MavMessage, Node)> {
             radio,
         ),
     ]
+}
+
+/// Whether one of the frames that the bridge sends is an order to zeroize to that port.
+fn is_ordered(bridge: &mut Bridge, port: u16) -> bool {
+    let mut ordered = false;
+    while let Some((_, sent)) = bridge.poll_vehicle() {
+        let frame = FrameView::parse(sent.bytes()).unwrap();
+        let order = matches!(
+            Message::parse(frame.payload()),
+            Ok(Received::Exchange(message)) if message.step == Step::Order
+        );
+        ordered |= sent.to == at(port) && is_exchange(sent.bytes()) && order;
+    }
+    ordered
+}
+
+#[test]
+fn a_request_that_is_replayed_keeps_no_order_to_zeroize_from_the_agent() {
+    // The agent asks before the order, or after it.
+    for asks_at in [300, 1_300] {
+        let mut now = Now {
+            mono: Duration::from_secs(100),
+            wall: Duration::from_secs(1_795_246_260),
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let config = config(folder.path(), "udpin:127.0.0.1:0");
+        let vehicle = config.vehicles().next().unwrap();
+        let mut store = FileDisk::open(&config.store.dir).unwrap();
+        let keys = KeyStore::open(&folder.path().join("uav1.key")).unwrap();
+        let mut dice = dice(1);
+        let ground = key_exchange::identity(&mut store, &mut dice)
+            .unwrap()
+            .public();
+        let agent = Identity::new([7; 32]);
+        let record = ExchangeRecord {
+            peer: Some(*agent.public().bytes()),
+            ..ExchangeRecord::default()
+        };
+        record.save(&mut store, vehicle.id).unwrap();
+        let LinkSigning::KeyFile(_, settings) = &vehicle.signing else {
+            panic!("signed");
+        };
+        let responder = ResponderConfig {
+            parties: key_exchange::parties(&config, vehicle, *settings),
+            identity: agent,
+            wanted: Wanted {
+                signing: true,
+                confidential: false,
+            },
+        };
+        let paired = ResponderMemory {
+            peer: Some(PinnedPeer {
+                key: ground,
+                counter: 0,
+            }),
+            ..ResponderMemory::default()
+        };
+        let mut responder: Responder<u8> = Responder::new(responder, paired, now.mono);
+        let please = responder.please(now.mono).unwrap().to_payload();
+        let please = frame(stream(AIR), KEY_EXCHANGE_ID, &please, None);
+
+        let end = LinkEnd {
+            key: None,
+            peer: None,
+        };
+        let mut bridge = Bridge::new(&config, vec![end], now, NOT_BEFORE, &mut store).unwrap();
+        let mut with = surroundings(&mut bridge, &mut store, &keys, &mut dice);
+        let mut exchange =
+            KeyExchange::open(&config, vehicle, 0, *settings, now, &mut with).unwrap();
+        let mut ordered = false;
+        for ms in (0..2_000).step_by(10) {
+            now = now.after(Duration::from_millis(10));
+            let mut froms = vec![ATTACKER];
+            if ms == asks_at {
+                froms.push(AGENT);
+            }
+            for from in froms {
+                bridge.handle_vehicle(now, 0, at(from), &please, &mut store, &mut |_, _| {});
+                let mut with = surroundings(&mut bridge, &mut store, &keys, &mut dice);
+                exchange.handle(now, &mut with);
+                if ms == 1_000 {
+                    exchange.order_zeroize(now, false, &mut with);
+                }
+                ordered |= is_ordered(&mut bridge, AGENT);
+            }
+        }
+        assert!(
+            ordered,
+            "the agent that asks at {asks_at} ms is not reached"
+        );
+    }
 }

@@ -3,6 +3,7 @@
 use std::fs;
 use std::net::UdpSocket;
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage, STATUSTEXT_DATA};
@@ -260,43 +261,40 @@ fn receives_key_exchange(socket: &UdpSocket) -> bool {
     false
 }
 
-#[test]
-fn a_pairing_continues_with_the_agent_whoever_has_sent_before_it() {
-    let ground = Ground::new();
+/// `vsm pair` with a code, for as long as this is held.
+fn pair(ground: &Ground) -> KillOnDrop {
     let mut command = Command::new(program("vsm"));
     command
         .args(["pair", "--wait-s", "40", "--code", &"A".repeat(32)])
         .current_dir(ground.path());
     let command = command.stdout(Stdio::null()).stderr(Stdio::null());
-    let _pairing = KillOnDrop(command.spawn().unwrap());
-    let socket = || {
-        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-        socket.connect(("127.0.0.1", ground.link)).unwrap();
-        let wait = Some(Duration::from_millis(100));
-        socket.set_read_timeout(wait).unwrap();
-        socket
-    };
-    let (stranger, agent) = (socket(), socket());
-    let header = Header {
-        system_id: 1,
-        component_id: 1,
-        ..Header::default()
-    };
-    let mut beat = [0; MAX_FRAME];
-    let message = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
-    let length = encode(&message, header, &mut beat);
-    let beat = &beat[..length];
-    // Until the command listens, and has taken the stranger for the vehicle.
+    KillOnDrop(command.spawn().unwrap())
+}
+
+/// A socket that sends to the vehicle's link.
+fn socket_to(ground: &Ground) -> UdpSocket {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket.connect(("127.0.0.1", ground.link)).unwrap();
+    let wait = Some(Duration::from_millis(100));
+    socket.set_read_timeout(wait).unwrap();
+    socket
+}
+
+/// Sends this until the command listens, and has taken the sender for the vehicle.
+fn until_asked(stranger: &UdpSocket, bytes: &[u8]) {
     let end = Instant::now() + Duration::from_secs(20);
     loop {
-        let _ = stranger.send(beat);
-        let mut bytes = [0; 2_048];
-        if stranger.recv(&mut bytes).is_ok() {
-            break;
+        let _ = stranger.send(bytes);
+        let mut answer = [0; 2_048];
+        if stranger.recv(&mut answer).is_ok() {
+            return;
         }
         assert!(Instant::now() < end, "nobody is asked");
     }
-    // Step 0 of suite 2, to the VSM: from an agent whose window is open for the same code.
+}
+
+/// Step 0 of suite 2, to the VSM: from an agent whose window is open for the same code.
+fn please() -> Vec<u8> {
     let node = |system, component| Node { system, component };
     let config = ResponderConfig {
         parties: Parties::new(node(245, 190), node(1, 191), 0x1b00_0001, 0x1b00_0101),
@@ -321,11 +319,56 @@ fn a_pairing_continues_with_the_agent_whoever_has_sent_before_it() {
     };
     let mut out = [0; MAX_FRAME];
     let length = encode_raw(header, &please, &mut out).unwrap();
-    agent.send(&out[..length]).unwrap();
+    out[..length].to_vec()
+}
+
+#[test]
+fn a_pairing_continues_with_the_agent_whoever_has_sent_before_it() {
+    let ground = Ground::new();
+    let _pairing = pair(&ground);
+    let (stranger, agent) = (socket_to(&ground), socket_to(&ground));
+    let header = Header {
+        system_id: 1,
+        component_id: 1,
+        ..Header::default()
+    };
+    let mut beat = [0; MAX_FRAME];
+    let message = MavMessage::HEARTBEAT(HEARTBEAT_DATA::default());
+    let length = encode(&message, header, &mut beat);
+    let beat = &beat[..length];
+    until_asked(&stranger, beat);
+    agent.send(&please()).unwrap();
     // The stranger continues speaking.
     std::thread::sleep(Duration::from_millis(100));
     stranger.send(beat).unwrap();
     assert!(receives_key_exchange(&agent));
+}
+
+#[test]
+fn a_request_that_forty_addresses_replay_does_not_keep_a_pairing_from_the_agent() {
+    let ground = Ground::new();
+    let _pairing = pair(&ground);
+    let (agent, please) = (socket_to(&ground), please());
+    let crowd: Vec<_> = (0..40).map(|_| socket_to(&ground)).collect();
+    until_asked(&crowd[0], &please);
+    let over = AtomicBool::new(false);
+    let received = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !over.load(Ordering::Relaxed) {
+                for one in &crowd {
+                    let _ = one.send(&please);
+                }
+                std::thread::sleep(Duration::from_millis(10));
+            }
+        });
+        std::thread::sleep(Duration::from_millis(300));
+        // Once, as in ten seconds.
+        agent.send(&please).unwrap();
+        let received = receives_key_exchange(&agent);
+        over.store(true, Ordering::Relaxed);
+        received
+    });
+    assert!(received, "every message went to those who replay");
 }
 
 /// An agent's disk on which nothing is ever written.

@@ -456,9 +456,26 @@ impl Initiator {
         if let Some(order) = self.poll_order() {
             return Some(order);
         }
-        if !core::mem::take(&mut self.due) {
-            return None;
-        }
+        core::mem::take(&mut self.due)
+            .then(|| self.step_in_progress())
+            .flatten()
+    }
+
+    /// The message in progress, which [`poll_transmit`](Self::poll_transmit) repeats, for an address at which the peer may
+    /// be too ([`Callers`](crate::exchange::Callers)).
+    #[must_use]
+    pub fn message_in_progress(&self) -> Option<Message> {
+        self.order().or_else(|| self.step_in_progress())
+    }
+
+    /// Whether the peer has answered step 1 of what is in progress. It is where that came from: a request, which may be a
+    /// recording, says less.
+    #[must_use]
+    pub fn is_answered(&self) -> bool {
+        matches!(self.phase, Phase::Confirming(..) | Phase::Following(..))
+    }
+
+    fn step_in_progress(&self) -> Option<Message> {
         let cookie = self.cookie.as_ref();
         match &self.phase {
             Phase::Idle => None,

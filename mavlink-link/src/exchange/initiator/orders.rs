@@ -110,9 +110,14 @@ impl Initiator {
 
     pub(super) fn poll_order(&mut self) -> Option<Message> {
         let ordering = self.ordering.as_mut()?;
-        if !core::mem::take(&mut ordering.due) {
-            return None;
-        }
+        core::mem::take(&mut ordering.due)
+            .then(|| self.order())
+            .flatten()
+    }
+
+    /// The order as it is sent now, if one is in progress.
+    pub(super) fn order(&self) -> Option<Message> {
+        let ordering = self.ordering.as_ref()?;
         let message = Message {
             public_key: [0; 32],
             session: ordering.session,

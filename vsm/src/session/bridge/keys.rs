@@ -36,6 +36,13 @@ impl Bridge {
             .pop_front()
     }
 
+    /// Whether it has been shown where this vehicle's link leads.
+    #[must_use]
+    pub fn has_peer(&self, index: usize) -> bool {
+        let aircraft = self.aircraft.get(index);
+        aircraft.is_some_and(|one| one.link.peer().is_some())
+    }
+
     /// Sends a KEY_EXCHANGE payload to the vehicle's peer, or to `otherwise` if there is none yet. Returns false if it
     /// cannot be sent now.
     pub fn send_key_exchange(
