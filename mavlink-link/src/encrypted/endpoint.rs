@@ -4,7 +4,8 @@ use core::hash::Hash;
 use core::time::Duration;
 use std::collections::VecDeque;
 
-use super::exchange::{Keying, Role, Session};
+use super::config::{Carrier, EncryptedConfig};
+use super::exchange::{Keying, Session};
 use super::framing::{self, Deframer, Kind, MAX_CONTENT, MAX_WIRE};
 use super::opener::{Opened, Opener, frame_len};
 use super::packet::{PACKET, TAG, tag_of};
@@ -12,37 +13,9 @@ use super::record::EncryptedRecord;
 use super::stats::{Dropped, EncryptedStats};
 use crate::Now;
 use crate::address::{ProvenAddress, Sender};
-use crate::exchange::{Identity, Message, Parties, PublicKey, Random, Received, Suite, VERSION};
+use crate::exchange::{Message, PublicKey, Random, Received, Suite, VERSION};
 use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw};
 use crate::store::{Disk, Store as _, StoreError};
-
-/// What carries the frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Carrier {
-    /// A serial line: bytes in order, some lost or changed; a frame may arrive in pieces.
-    Stream,
-    /// UDP: each datagram stands alone, and may be lost, doubled or late.
-    Datagrams,
-}
-
-/// The settings of one end.
-#[derive(Debug)]
-pub struct EncryptedConfig<A> {
-    /// Which end.
-    pub role: Role,
-    /// Both ends' ids; the policy is the link's own.
-    pub parties: Parties,
-    /// This end's static key.
-    pub identity: Identity,
-    /// The other end's, where they are paired.
-    pub peer: Option<PublicKey>,
-    /// What carries the frames.
-    pub carrier: Carrier,
-    /// Where the other end is, where that is known before it has sent anything.
-    pub at: Option<A>,
-    /// How long bytes may wait for a packet to be full; zero for an end that sends commands.
-    pub linger: Duration,
-}
 
 /// How it stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -28,9 +28,10 @@
 //! nothing to send sends a packet without a frame now and then, so that silence means something.
 //! Kind 1 is for the radio at this end, kind 2 a KEY_EXCHANGE in the clear.
 //!
-//! Order of the parts: `framing`, `packet`, `sealer`, `opener`, `record` (the disk), `exchange` (how the keys come about),
+//! Order of the parts: `config`, `framing`, `packet`, `sealer`, `opener`, `record` (the disk), `exchange` (how the keys come about),
 //! `endpoint` (the machine), `stats`.
 
+mod config;
 mod endpoint;
 mod exchange;
 mod framing;
@@ -40,7 +41,8 @@ mod record;
 mod sealer;
 mod stats;
 
-pub use self::endpoint::{Carrier, EncryptedConfig, EncryptedEvent, EncryptedLink, EncryptedState};
+pub use self::config::{Carrier, EncryptedConfig};
+pub use self::endpoint::{EncryptedEvent, EncryptedLink, EncryptedState};
 pub use self::exchange::{LINK_POLICY, Role};
 pub use self::framing::{MAX_CONTENT, MAX_WIRE};
 pub use self::record::{ENCRYPTED, EncryptedRecord};
