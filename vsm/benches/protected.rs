@@ -379,6 +379,7 @@ impl Air {
             peer: Some(peer.public()),
             carrier: Carrier::Datagrams,
             at: Some(0),
+            before: None,
             linger,
         };
         let disk = MemoryDisk::default();

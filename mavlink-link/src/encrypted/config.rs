@@ -29,6 +29,9 @@ pub struct EncryptedConfig<A> {
     pub carrier: Carrier,
     /// Where the other end is, where that is known before it has sent anything.
     pub at: Option<A>,
+    /// Otherwise where an earlier process has found it: what
+    /// [`found_at`](super::EncryptedLink::found_at) returned last.
+    pub before: Option<A>,
     /// How long bytes may wait for a packet to be full; zero for an end that sends commands.
     pub linger: Duration,
 }

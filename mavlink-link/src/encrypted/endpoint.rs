@@ -5,10 +5,11 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 use super::config::{Carrier, EncryptedConfig};
-use super::exchange::{Keying, Session};
+use super::exchange::{Keying, Session, Shown};
 use super::framing::{self, Deframer, Kind, MAX_CONTENT, MAX_WIRE};
 use super::opener::{Opened, Opener, frame_len};
 use super::packet::{PACKET, TAG, tag_of};
+use super::places::Places;
 use super::record::EncryptedRecord;
 use super::stats::{Dropped, EncryptedStats};
 use crate::Now;
@@ -66,15 +67,13 @@ pub struct EncryptedLink<A> {
     keying: Keying<A>,
     carrier: Carrier,
     linger: Duration,
-    fixed: Option<A>,
+    places: Places<A>,
     /// Where something came from that the other end alone can have made. A packet is recognised by its end.
     proven: ProvenAddress<A, [u8; TAG]>,
     /// When a copy from elsewhere was last reported.
     copied_at: Option<Duration>,
     /// A packet was opened in what arrived last.
     opened: bool,
-    /// Where anything came from.
-    received_from: Option<A>,
     current: Option<Session>,
     /// Of the keys before, until a packet under the current ones has verified.
     previous: Option<Opener>,
@@ -137,6 +136,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             peer,
             carrier,
             at,
+            before,
             linger,
         } = config;
         let record = disk.load::<EncryptedRecord>(&parties.vehicle_id)?;
@@ -149,11 +149,10 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             keying,
             carrier,
             linger,
-            fixed: at,
+            places: Places::new(at, before),
             proven: ProvenAddress::new(None),
             copied_at: None,
             opened: false,
-            received_from: None,
             current: None,
             previous: None,
             deframer: Deframer::default(),
@@ -276,14 +275,17 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         match Kind::from_wire(*first) {
             Some(Kind::Data) => {
                 let packet: &[u8; PACKET] = content.try_into().map_err(|_| Dropped::Length)?;
-                self.received_from = Some(from);
+                self.places.note_packet(from);
                 let taken = self.take_packet(now, from, packet, disk);
                 if taken == Err(Dropped::Replayed) {
                     self.note_second(now.mono, from, packet);
                 }
                 match taken {
                     Ok(()) => {}
-                    Err(Dropped::NoKey) => self.keying.hasten(now.mono, false),
+                    Err(Dropped::NoKey) => {
+                        self.keying.hasten(now.mono, false);
+                        self.places.note_call(from, now.mono);
+                    }
                     Err(_) => self.note_bad(now.mono),
                 }
                 taken
@@ -426,11 +428,19 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
                 if source != self.keying.peer_node() {
                     return Err(Dropped::Station);
                 }
-                self.received_from = Some(from);
                 let working = self.is_good_within(now.mono, WORKING_FOR);
                 let message = (from, source, frame.payload());
-                if self.keying.handle(now, message, working, random, disk) {
-                    let _ = self.proven.prove(now.mono, from, Sender::Main, None);
+                match self.keying.handle(now, message, working, random, disk) {
+                    Shown::Nothing => {}
+                    Shown::Made => {
+                        self.places.note_message(from);
+                        if !self.is_good_within(now.mono, SILENCE) {
+                            self.places.note_call(from, now.mono);
+                        }
+                    }
+                    Shown::MadeNow => {
+                        let _ = self.proven.prove(now.mono, from, Sender::Main, None);
+                    }
                 }
             }
             None => return Err(Dropped::NotExchange),
@@ -444,19 +454,21 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         self.good_at.is_some_and(good)
     }
 
-    /// Where the other end may be: where it was, and, while nothing of it is received, where anything came from last. It may
-    /// have started again with another port, and without keys it can prove nothing; but anybody can have sent that.
+    /// Where the other end has been found, in this run: for a later one, where that is not configured.
+    #[must_use]
+    pub fn found_at(&self) -> Option<A> {
+        self.proven.get().filter(|_| self.places.fixed().is_none())
+    }
+
+    /// Where the other end may be: where it was, and, while nothing of it is received, elsewhere. It may have started again
+    /// with another port, and without keys it can prove nothing.
     fn reach(&self, now: Duration) -> impl Iterator<Item = A> + use<A> {
-        let known = self.fixed.or(self.proven.get());
         let received = self.is_good_within(now, SILENCE);
-        let last = self
-            .received_from
-            .filter(|last| self.fixed.is_none() && !received && Some(*last) != known);
-        known.into_iter().chain(last)
+        self.places.all(self.proven.get(), received)
     }
 
     fn is_reachable(&self) -> bool {
-        self.fixed.is_some() || self.proven.get().is_some() || self.received_from.is_some()
+        self.places.all(self.proven.get(), false).next().is_some()
     }
 
     /// Sends one MAVLink frame to the other end. Without keys it is dropped: the protocols above repeat what matters, and a
@@ -512,7 +524,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
     /// say for minutes: without such packets that would look like an end that has lost its keys.
     fn idle_at(&self) -> Option<(Duration, A)> {
         let session = self.current.as_ref()?;
-        let to = self.fixed.or(self.proven.get())?;
+        let to = self.places.fixed().or(self.proven.get())?;
         let pause = if self.keying.is_air() {
             AIR_IDLE
         } else {
@@ -604,10 +616,19 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
                 Some((Some(to), message)) => self.queue_message(to, &message),
                 Some((None, message)) => {
                     for to in self.reach(now) {
+                        self.places.callers.served(to);
                         self.queue_message(to, &message);
                     }
                 }
             }
+        }
+        if self.out.is_empty()
+            && let Some((to, message)) = self
+                .places
+                .callers
+                .poll(now, || self.keying.message_in_progress(disk))
+        {
+            self.queue_message(to, &message);
         }
         let next = self.out.pop_front()?;
         let length = framing::write(&next.content[..next.len], out);

@@ -75,6 +75,17 @@ enum Machine<A> {
     Air(Box<Responder<A>>),
 }
 
+/// What a message of an exchange shows of who has sent it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shown {
+    /// Nothing: anybody can have made it.
+    Nothing,
+    /// The other end has made it, and perhaps long ago: requests are the same at each start.
+    Made,
+    /// The other end has made it now, for this exchange, and has agreed on keys.
+    MadeNow,
+}
+
 /// When the air side next requests an exchange.
 #[derive(Debug, Clone, Copy, Default)]
 struct Hint {
@@ -177,8 +188,7 @@ impl<A: Copy + Eq + Hash> Keying<A> {
         }
     }
 
-    /// Takes a KEY_EXCHANGE of suite 1. True where it has agreed on keys: the peer has made it now, for this exchange. All
-    /// others may be recordings, whose requests are the same at each start. `working`: the link carries packets just now.
+    /// Takes a KEY_EXCHANGE of suite 1. `working`: the link carries packets just now.
     pub(super) fn handle(
         &mut self,
         now: Now,
@@ -186,7 +196,7 @@ impl<A: Copy + Eq + Hash> Keying<A> {
         working: bool,
         random: &mut dyn Random,
         disk: &mut dyn Disk,
-    ) -> bool {
+    ) -> Shown {
         let before = disk.queued();
         let mut staging = Staging {
             role: self.role,
@@ -207,7 +217,7 @@ impl<A: Copy + Eq + Hash> Keying<A> {
             stage: &mut stage,
         };
         let result = match &mut self.machine {
-            None => return false,
+            None => return Shown::Nothing,
             Some(Machine::Ground(initiator)) => {
                 // A recorded request must not replace keys that work.
                 initiator.set_key_in_force(if working {
@@ -241,7 +251,12 @@ impl<A: Copy + Eq + Hash> Keying<A> {
         if result == Err(Ignored::Limited) && !working && Message::is_request(payload) {
             self.hasten(now.mono, true);
         }
-        agreed_now
+        match result {
+            _ if agreed_now => Shown::MadeNow,
+            // A request that comes too early, or too often, has been authenticated nevertheless.
+            Ok(()) | Err(Ignored::Limited | Ignored::Hint) => Shown::Made,
+            Err(_) => Shown::Nothing,
+        }
     }
 
     /// Begins an exchange, on the ground.
@@ -378,6 +393,15 @@ impl<A: Copy + Eq + Hash> Keying<A> {
                 Some((Some(sent.to), sent.message))
             }
         }
+    }
+
+    /// On the ground, what the attempt is sending, once what it promises is on the disk.
+    pub(super) fn message_in_progress(&mut self, disk: &dyn Disk) -> Option<Message> {
+        let Some(Machine::Ground(initiator)) = &self.machine else {
+            return None;
+        };
+        let message = initiator.message_in_progress()?;
+        self.is_stored(disk).then_some(message)
     }
 
     /// In the air, without keys: a request for an exchange, now and then.

@@ -15,8 +15,9 @@
 //!   both; the counter begins at 1 and never turns over; and the epoch, which is in the nonce, is on the disk before the
 //!   first packet, so that a random source that repeats itself, or a store that was put back, is not enough to have a
 //!   nonce again. It would take both ends put back, the disks and the random numbers.
-//! - After loss, noise or a restart of either end packets pass again within a second of the link working, unless somebody
-//!   works against it; then within the times at the end of `endpoint`.
+//! - After loss, noise or a restart of either end packets pass again within a second of the link working, also while
+//!   somebody floods an end that listens, as long as the other end is where it was. Where somebody on the way works against
+//!   it, within the times at the end of `endpoint`.
 //!
 //! Not promised: that nobody sees that, when, how much and between whom something is sent; that a link which somebody
 //! jams works. Suite and cipher are fixed ([`LINK_POLICY`]), so there is nothing to downgrade to. Where a processor has
@@ -28,8 +29,8 @@
 //! nothing to send sends a packet without a frame now and then, so that silence means something.
 //! Kind 1 is for the radio at this end, kind 2 a KEY_EXCHANGE in the clear.
 //!
-//! Order of the parts: `config`, `framing`, `packet`, `sealer`, `opener`, `record` (the disk), `exchange` (how the keys come about),
-//! `endpoint` (the machine), `stats`.
+//! Order of the parts: `config`, `framing`, `packet`, `sealer`, `opener`, `record` (the disk), `exchange` (how the keys come
+//! about), `places` (where the other end may be), `endpoint` (the machine), `stats`.
 
 mod config;
 mod endpoint;
@@ -37,6 +38,7 @@ mod exchange;
 mod framing;
 mod opener;
 mod packet;
+mod places;
 mod record;
 mod sealer;
 mod stats;

@@ -151,6 +151,7 @@ impl Encrypted {
             peer: Some(peer.public()),
             carrier: Carrier::Stream,
             at: Some(0),
+            before: None,
             // As in `vsm run` and `vsm airside`.
             linger: match role {
                 Role::Ground => Duration::ZERO,

@@ -50,6 +50,7 @@ fuzz_target!(|input: &[u8]| {
             peer: Some(peer.public()),
             carrier,
             at: Some(()),
+            before: None,
             linger: Duration::ZERO,
         };
         EncryptedLink::open(config, Duration::ZERO, &disks[at]).expect("no record")

@@ -1,6 +1,7 @@
-//! One end of an encrypted link: the machine of mavlink-link beside the socket that carries it, what is logged of it, and
-//! what a status shows.
+//! One end of an encrypted link: the machine of mavlink-link beside the socket that carries it, where it found the other
+//! end, which is kept for the next start, what is logged of it, and what a status shows.
 
+use std::net::SocketAddr;
 use std::time::Duration;
 
 use mavlink_link::Now;
@@ -9,7 +10,7 @@ use mavlink_link::encrypted::{
     bytes_on_radio,
 };
 use mavlink_link::exchange::{Identity, Parties, PublicKey};
-use mavlink_link::store::{Disk, StoreError};
+use mavlink_link::store::{Disk, Durability, Record, Store as _, StoreError};
 
 use super::key_file::system_random;
 use crate::config::LinkAddress;
@@ -21,6 +22,10 @@ pub(super) struct Encryption {
     pub(super) address: LinkAddress,
     link: EncryptedLink<Peer>,
     out: Box<[u8; MAX_WIRE]>,
+    vehicle: u32,
+    /// Where the store has the other end, and when to try again to store another place.
+    stored: Option<Peer>,
+    store_at: Duration,
     faults: Faults,
     /// What had arrived at the last call of [`Encryption::poll_arrivals`].
     arrived: EncryptedArrivals,
@@ -55,11 +60,16 @@ impl Encryption {
             peer,
             at,
         } = end;
+        let vehicle = parties.vehicle_id;
+        // What cannot be read is learned again.
+        let stored = disk.load::<FarEnd>(&vehicle).ok().flatten();
+        let stored = stored.and_then(|FarEnd(found)| found.map(Peer::Udp));
         let config = EncryptedConfig {
             role,
             parties,
             identity,
             peer,
+            before: stored,
             carrier: match address {
                 LinkAddress::Serial { .. } => Carrier::Stream,
                 LinkAddress::UdpIn(_) | LinkAddress::UdpOut(_) => Carrier::Datagrams,
@@ -75,6 +85,9 @@ impl Encryption {
             address: address.clone(),
             link: EncryptedLink::open(config, now.mono, disk)?,
             out: Box::new([0; MAX_WIRE]),
+            vehicle,
+            stored,
+            store_at: now.mono,
             faults: Faults::default(),
             arrived: EncryptedArrivals::default(),
         })
@@ -89,7 +102,27 @@ impl Encryption {
         disk: &mut dyn Disk,
     ) -> (Peer, &[u8]) {
         self.link.handle(now, from, bytes, &mut system_random, disk);
+        self.store_far_end(self.link.found_at(), now.mono, disk);
         (self.link.sender(from), self.link.received())
+    }
+
+    /// Keeps where the other end of a listening link was found, for the next start: without keys it can prove nothing, and
+    /// anybody can send what looks like its packets.
+    pub(super) fn store_far_end(
+        &mut self,
+        found: Option<Peer>,
+        now: Duration,
+        disk: &mut dyn Disk,
+    ) {
+        if found == self.stored || now < self.store_at {
+            return;
+        }
+        if let (LinkAddress::UdpIn(_), Some(Peer::Udp(address))) = (&self.address, found) {
+            self.store_at = now.saturating_add(STORE_EVERY);
+            if disk.save(&self.vehicle, &FarEnd(Some(address))).is_ok() {
+                self.stored = found;
+            }
+        }
     }
 
     /// Sends one frame, once it is polled.
@@ -188,6 +221,30 @@ impl Encryption {
     }
 }
 
+/// The address at which the other end of a listening link was found; `None` if the record could not be decoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct FarEnd(Option<SocketAddr>);
+
+impl Record for FarEnd {
+    /// The vehicle's identification number.
+    type Key = u32;
+    const DURABILITY: Durability = Durability::Process;
+
+    fn name(vehicle: &u32) -> String {
+        format!("far-end-{vehicle:08x}")
+    }
+
+    fn encode(&self) -> Vec<u8> {
+        self.0
+            .map_or_else(Vec::new, |at| format!("{at}\n").into_bytes())
+    }
+
+    fn decode(bytes: &[u8]) -> Result<FarEnd, String> {
+        let text = std::str::from_utf8(bytes).ok();
+        Ok(FarEnd(text.and_then(|text| text.trim().parse().ok())))
+    }
+}
+
 /// Faults that come again with each try, several a second while a disk is full: the first is logged, then one a minute until keys
 /// are agreed on.
 #[derive(Debug, Default)]
@@ -223,6 +280,8 @@ fn linger(address: &LinkAddress) -> Duration {
     packet.clamp(MIN_LINGER, MAX_LINGER)
 }
 
+/// How often another place of the other end is stored: somebody on the way who copies its packets can have it move.
+const STORE_EVERY: Duration = Duration::from_secs(10);
 const FAULT_AGAIN: Duration = Duration::from_secs(60);
 /// A third of what a radio of 57,600 baud needs for one packet.
 const MIN_LINGER: Duration = Duration::from_millis(5);
@@ -231,7 +290,75 @@ const MAX_LINGER: Duration = Duration::from_millis(100);
 
 #[cfg(test)]
 mod tests {
+    use mavlink_link::exchange::Node;
+    use mavlink_link::store::MemoryDisk;
+
     use super::*;
+
+    const GROUND: SocketAddr =
+        SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 14_550);
+    const AGENT: SocketAddr =
+        SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 2_001);
+
+    fn at(ms: u64) -> Now {
+        Now {
+            mono: Duration::from_millis(ms),
+            wall: Duration::from_secs(1_800_000_000) + Duration::from_millis(ms),
+        }
+    }
+
+    /// A ground that listens, or its agent.
+    fn open(role: Role, now: Now, disk: &MemoryDisk) -> Encryption {
+        let node = |system, component| Node { system, component };
+        let identities = [Identity::new([1; 32]), Identity::new([2; 32])];
+        let public = identities.each_ref().map(Identity::public);
+        let [of_ground, of_agent] = identities;
+        let (address, identity, peer, at) = match role {
+            Role::Ground => (LinkAddress::UdpIn(GROUND), of_ground, public[1], None),
+            Role::Air => (
+                LinkAddress::UdpOut(GROUND.to_string()),
+                of_agent,
+                public[0],
+                Some(Peer::Udp(GROUND)),
+            ),
+        };
+        let end = EncryptionEnd {
+            role,
+            parties: Parties::new(node(245, 190), node(1, 191), 0x1b00_0001, 0x1b00_0101),
+            identity,
+            peer: Some(peer),
+            at,
+        };
+        Encryption::open(&address, end, now, disk).unwrap()
+    }
+
+    #[test]
+    fn a_ground_that_has_started_again_asks_where_its_agent_was_whoever_speaks_first() {
+        let mut disks = [MemoryDisk::default(), MemoryDisk::default()];
+        let mut ground = open(Role::Ground, at(0), &disks[0]);
+        let mut agent = open(Role::Air, at(0), &disks[1]);
+        for ms in (0..3_000).step_by(20) {
+            let now = at(ms);
+            ground.handle_timeout(now, &mut disks[0]);
+            agent.handle_timeout(now, &mut disks[1]);
+            while let Some((to, bytes)) = agent.poll_transmit(now.mono, &mut disks[1]) {
+                assert_eq!(to, Peer::Udp(GROUND));
+                ground.handle(now, Peer::Udp(AGENT), bytes, &mut disks[0]);
+            }
+            while let Some((to, bytes)) = ground.poll_transmit(now.mono, &mut disks[0]) {
+                assert_eq!(to, Peer::Udp(AGENT));
+                agent.handle(now, Peer::Udp(GROUND), bytes, &mut disks[1]);
+            }
+        }
+        assert!(ground.status(at(3_000).mono).epoch.is_some());
+
+        let mut ground = open(Role::Ground, at(4_000), &disks[0]);
+        ground.handle_timeout(at(4_000), &mut disks[0]);
+        let sent = ground.poll_transmit(at(4_000).mono, &mut disks[0]);
+        assert_eq!(sent.map(|(to, _)| to), Some(Peer::Udp(AGENT)));
+        // An unreadable record is one that is not there.
+        assert_eq!(FarEnd::decode(b"127.0.0.1"), Ok(FarEnd(None)));
+    }
 
     #[test]
     fn telemetry_waits_for_as_long_as_its_line_takes_for_a_packet() {

@@ -197,6 +197,9 @@ impl Pairing {
                 report(&event);
                 match event {
                     InitiatorEvent::Agreed { key, peer, .. } => {
+                        if let Some(one) = &mut self.encryption {
+                            one.store_far_end(self.peer, self.clock.mono(), &mut self.store);
+                        }
                         return Ending::Paired { peer, key };
                     }
                     InitiatorEvent::Rejected { status } => unproven = Some(status),

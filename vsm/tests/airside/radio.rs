@@ -177,6 +177,7 @@ fn open(end: usize, rate_bps: u32, now: Duration, disk: &MemoryDisk) -> Encrypte
         peer: Some(Identity::new(other).public()),
         carrier: Carrier::Stream,
         at: Some(Peer::Serial),
+        before: None,
         linger,
     };
     EncryptedLink::open(config, now, disk).expect("the record of its epoch")

@@ -287,17 +287,19 @@ fn nothing_of_a_key_is_shown() {
     }
 }
 
+/// A packet under a key that nobody has.
+fn garbage() -> Vec<u8> {
+    [&[0x7e, 0][..], &[0x20; 96], &[0x7e]].concat()
+}
+
 #[test]
 fn who_pretends_to_have_no_key_does_not_keep_a_slow_link_from_agreeing() {
     let mut world = World::new(13, Carrier::Datagrams);
     // An answer takes longer than after what an attempt counts as forgotten.
     world.radio.latency = ms(1_100);
-    let garbage = [&[0x7e, 0][..], &[0x20; 96], &[0x7e]].concat();
     for n in 0..40 {
         let at = world.now + ms(500) * n;
-        world
-            .under_way
-            .insert((at, u64::MAX), (GROUND, garbage.clone()));
+        world.under_way.insert((at, u64::MAX), (GROUND, garbage()));
     }
     // Nothing is sent that would prove the keys before their exchange has ended.
     world.run(Duration::from_secs(20), Duration::from_secs(60));
@@ -337,6 +339,53 @@ fn found(listening: usize) -> World {
         assert_eq!(end.sender, Some(HONEST));
     }
     world
+}
+
+/// How long this end needs for its keys while forty addresses send it ten packets a millisecond.
+fn agreed_beside(flood: &[Vec<u8>], world: &mut World, at: usize) -> Duration {
+    let begin = world.now;
+    while world.ends[at].link.as_ref().unwrap().epoch().is_none() {
+        assert!(world.now - begin < Duration::from_secs(20), "no keys");
+        for n in 0..50 {
+            let from = ELSEWHERE + (n % 40) as u8;
+            world.arrive_from(from, at, &flood[n % flood.len()]);
+        }
+        world.run(ms(5), ms(20));
+    }
+    world.now - begin
+}
+
+#[test]
+fn junk_keeps_no_listening_end_from_agreeing_after_a_restart() {
+    for listening in [GROUND, AIR] {
+        let mut world = found(listening);
+        world.start(listening);
+        let took = agreed_beside(&[garbage()], &mut world, listening);
+        assert!(took <= Duration::from_secs(1), "{listening}: {took:?}");
+        world.recovery(Duration::from_secs(1));
+        world.check_once();
+    }
+}
+
+#[test]
+fn neither_junk_nor_recorded_requests_keep_a_ground_that_knows_no_address_from_agreeing() {
+    let mut world = found(GROUND);
+    world.start(AIR);
+    world.run(Duration::from_secs(5), ms(50));
+    let recorded = world.tape.iter().filter(|(by, _)| *by == AIR);
+    let mut flood: Vec<_> = recorded
+        .map(|(_, bytes)| bytes.clone())
+        .filter(|bytes| bytes[1] == 2)
+        .collect();
+    assert!(flood.len() >= 3, "requests and answers");
+    flood.push(garbage());
+    world.ends[GROUND].found = None;
+    world.start(GROUND);
+    world.start(AIR);
+    let took = agreed_beside(&flood, &mut world, GROUND);
+    assert!(took <= Duration::from_secs(1), "{took:?}");
+    world.recovery(Duration::from_secs(1));
+    world.check_once();
 }
 
 #[test]

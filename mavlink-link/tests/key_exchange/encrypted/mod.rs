@@ -50,6 +50,8 @@ pub(crate) struct End {
     pub(crate) got: Vec<u32>,
     /// Where the last packet that was opened is taken to come from.
     pub(crate) sender: Option<u8>,
+    /// Where the other end was found, as its shell stores it.
+    pub(crate) found: Option<u8>,
 }
 
 pub(crate) struct World {
@@ -89,6 +91,7 @@ impl World {
             peer: Identity::new(peer),
             got: Vec::new(),
             sender: None,
+            found: None,
         };
         let ends = [
             end(Role::Ground, ground, air, Dice::new(dice.roll())),
@@ -125,6 +128,7 @@ impl World {
             peer: Some(end.peer.public()),
             carrier,
             at: (self.listening != Some(at)).then_some(HONEST),
+            before: end.found,
             linger: if at == AIR { ms(5) } else { Duration::ZERO },
         };
         end.link = Some(EncryptedLink::open(config, now, &end.disk).unwrap());
@@ -207,6 +211,7 @@ impl World {
             .handle(now, from, bytes, &mut random, &mut end.disk)
             .to_vec();
         drop(random);
+        end.found = link.found_at().or(end.found);
         if !numbers(&inner).is_empty() {
             end.sender = Some(link.sender(from));
         }
