@@ -34,6 +34,7 @@ use super::memory;
 use super::ordered_files::OrderedKeys;
 use super::pairing_socket::{self, Asker};
 use super::queued_disk::QueuedDisk;
+use super::rest::Rest;
 use super::service;
 use super::sockets::{self, Hosts, SocketError, VehicleReader, VehicleWriter};
 use super::status_socket::{self, Ordered};
@@ -223,6 +224,9 @@ impl AirsideServer {
         let (mut from_radio, mut from_px4) = (vec![0; LARGEST], vec![0; LARGEST]);
         let mut pings = service::ping_interval().map(tokio::time::interval);
         let (stored, looked) = (self.stored.clone(), self.px4_peers.looked());
+        let (mut radio_rest, mut px4_rest) = (Rest::default(), Rest::default());
+        let (mut status_rest, mut pairing_rest) = (Rest::default(), Rest::default());
+        let mut zeroize_rest = Rest::default();
         for (_, writer) in [&self.radio, &self.px4] {
             writer.ready().await;
         }
@@ -238,14 +242,14 @@ impl AirsideServer {
                 () = stored.notified() => drop(self.disk.store.poll()),
                 // A key that waited for the lookup is sent below.
                 () = looked.notified() => {}
-                received = self.radio.0.receive(&mut from_radio) => match received {
+                received = radio_rest.before(self.radio.0.receive(&mut from_radio)) => match received {
                     Ok((length, from)) => {
                         let bytes = from_radio.get(..length).unwrap_or_default();
                         self.take_radio(from, bytes);
                     }
-                    Err(cause) => pause_after("the ground's link", &cause).await,
+                    Err(cause) => radio_rest.begin("the ground's link", &cause),
                 },
-                received = self.px4.0.receive(&mut from_px4) => match received {
+                received = px4_rest.before(self.px4.0.receive(&mut from_px4)) => match received {
                     Ok((length, from)) => {
                         let bytes = from_px4.get(..length).unwrap_or_default();
                         let now = self.clock.now();
@@ -257,26 +261,26 @@ impl AirsideServer {
                         }
                         self.end_trace(trace, from, bytes);
                     }
-                    Err(cause) => pause_after("PX4's link", &cause).await,
+                    Err(cause) => px4_rest.begin("PX4's link", &cause),
                 },
-                asked = self.status.accept() => match asked {
+                asked = status_rest.before(self.status.accept()) => match asked {
                     Ok((stream, _)) => {
                         status_socket::answer(stream, &self.picture(), STATUS_WITHIN).await;
                     }
-                    Err(cause) => pause_after("the status socket", &cause).await,
+                    Err(cause) => status_rest.begin("the status socket", &cause),
                 },
-                asked = self.pairing.accept() => match asked {
+                asked = pairing_rest.before(self.pairing.accept()) => match asked {
                     Ok((stream, _)) => {
                         let greeted = tokio::time::timeout(GREETING_WITHIN, Asker::greet(stream));
                         // In a separate task, so that a slow client delays no frame. The latest client is served.
                         let greeting = async { greeted.await.ok().flatten() };
                         self.greeting = Some(tokio::spawn(greeting));
                     }
-                    Err(cause) => pause_after("the pairing socket", &cause).await,
+                    Err(cause) => pairing_rest.begin("the pairing socket", &cause),
                 },
-                asked = self.zeroize.accept() => match asked {
+                asked = zeroize_rest.before(self.zeroize.accept()) => match asked {
                     Ok((stream, _)) => self.take_zeroize(stream).await,
-                    Err(cause) => pause_after("the zeroize socket", &cause).await,
+                    Err(cause) => zeroize_rest.begin("the zeroize socket", &cause),
                 },
                 greeted = greeted(&mut self.greeting) => {
                     self.greeting = None;
@@ -614,12 +618,6 @@ async fn gone(asker: &mut Option<Asker>) {
     }
 }
 
-/// Pauses after an error, so that a link that keeps failing does not flood the log or use a whole core.
-async fn pause_after(what: &str, cause: &io::Error) {
-    tracing::warn!("{what}: {cause}");
-    tokio::time::sleep(PAUSE).await;
-}
-
 /// Time limit for remaining writes at the end: longer than a slow disk takes, shorter than a service manager waits.
 pub(super) const LAST_WRITES: Duration = Duration::from_secs(10);
 
@@ -631,7 +629,6 @@ pub(super) const LARGEST: usize = 65_536;
 /// A socket buffers a whole status: a client that does not read delays the links for at most this long.
 const STATUS_WITHIN: Duration = Duration::from_millis(100);
 const GREETING_WITHIN: Duration = Duration::from_secs(5);
-pub(super) const PAUSE: Duration = Duration::from_millis(100);
 
 #[cfg(test)]
 mod tests {
@@ -647,6 +644,16 @@ mod tests {
     use super::*;
     use crate::shell::key_file;
 
+    /// PX4 is on UDP at this port.
+    fn config(folder: &Path, radio: &str, px4: u16) -> AirsideConfig {
+        let text = format!(
+            "[agent]\nvehicle_id = \"1b:00:01:01\"\nvsm_id = \"1b:00:00:01\"\nkey_file = \"airside.key\"\n\
+             [radio]\nlink = \"{radio}\"\n[px4]\nlink = \"udpin:127.0.0.1:{px4}\"\nsystem_id = 1\n\
+             [store]\ndir = \"state\"\n"
+        );
+        AirsideConfig::parse(&text, folder).unwrap()
+    }
+
     /// An agent that had a key in force before it was started, PX4 on UDP, and a program that poses as an unsigned,
     /// disarmed PX4: whether it is given the key within three seconds, and the agent's last status.
     async fn posing(permitted: Option<Vec<u32>>) -> (bool, AirsideStatus) {
@@ -655,12 +662,7 @@ mod tests {
         std::fs::write(&key, "5a".repeat(32)).unwrap();
         std::fs::set_permissions(&key, std::fs::Permissions::from_mode(0o600)).unwrap();
         let (radio, port) = (kit::process::free_udp_port(), kit::process::free_udp_port());
-        let text = format!(
-            "[agent]\nvehicle_id = \"1b:00:01:01\"\nvsm_id = \"1b:00:00:01\"\nkey_file = \"airside.key\"\n\
-             [radio]\nlink = \"udpin:127.0.0.1:{radio}\"\n[px4]\nlink = \"udpin:127.0.0.1:{port}\"\nsystem_id = 1\n\
-             [store]\ndir = \"state\"\n"
-        );
-        let config = AirsideConfig::parse(&text, folder.path()).unwrap();
+        let config = config(folder.path(), &format!("udpin:127.0.0.1:{radio}"), port);
         // In an earlier run the key was in use, and PX4 has it.
         let mut store = FileDisk::open(&config.store.dir).unwrap();
         let id = key_file::read(&key).unwrap().id();
@@ -727,5 +729,33 @@ mod tests {
         let own = rustix::process::geteuid().as_raw();
         let (given, status) = posing(Some(vec![own])).await;
         assert!(given, "{status:?}");
+    }
+
+    #[tokio::test]
+    async fn an_unplugged_radio_delays_no_datagram_of_px4() {
+        let folder = tempfile::tempdir().unwrap();
+        let (radio, port) = (kit::serial::Device::new(), kit::process::free_udp_port());
+        let config = config(folder.path(), &format!("serial:{}:57600", radio.name), port);
+        let mut server = AirsideServer::open(&config).unwrap();
+        let px4 = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+        // As another user's it is counted with each datagram that is taken.
+        let own = rustix::process::geteuid().as_raw();
+        server.px4_peers = LocalPeers::of_users(Some(vec![own + 1]));
+        drop(radio);
+        let sender = std::thread::spawn(move || {
+            for _ in 0..200 {
+                px4.send_to(&[0xfd; 20], ("127.0.0.1", port)).unwrap();
+                std::thread::sleep(Duration::from_millis(10));
+            }
+        });
+        let stop = async {
+            while !sender.is_finished() {
+                tokio::time::sleep(Duration::from_millis(20)).await;
+            }
+        };
+        let status = server.serve(stop).await.unwrap();
+        sender.join().unwrap();
+        let taken = status.held_back.get(FOREIGN);
+        assert!(taken >= 180, "{taken} of 200 were read in their time");
     }
 }

@@ -11,7 +11,7 @@ use tokio::sync::Notify;
 use zeroize::Zeroize;
 
 use super::airside::{
-    AirsideError, FOREIGN, LARGEST, LAST_WRITES, NOT_SENT, PAUSE, held, may_carry_keys, settings,
+    AirsideError, FOREIGN, LARGEST, LAST_WRITES, NOT_SENT, held, may_carry_keys, settings,
     write_log,
 };
 use super::airside_disk::AirsideDisk;
@@ -22,6 +22,7 @@ use super::key_store::KeyStore;
 use super::local_peers::LocalPeers;
 use super::ordered_files::OrderedKeys;
 use super::queued_disk::QueuedDisk;
+use super::rest::Rest;
 use super::sockets::{self, Hosts};
 use crate::airside::{Agent, Settings, Side};
 use crate::config::airside::AirsideConfig;
@@ -61,7 +62,7 @@ pub async fn discard(
     };
     let held = held(&disk)?;
     let mut agent = Agent::start(settings, identity, held, clock.now(), &mut disk)?;
-    let mut bytes = vec![0; LARGEST];
+    let (mut bytes, mut rest) = (vec![0; LARGEST], Rest::default());
     loop {
         let now = clock.now();
         agent.handle_timeout(now, &mut disk);
@@ -96,7 +97,7 @@ pub async fn discard(
         }
         let due = clock.instant(agent.poll_timeout());
         tokio::select! {
-            received = reader.receive(&mut bytes) => match received {
+            received = rest.before(reader.receive(&mut bytes)) => match received {
                 Ok((length, from)) => {
                     let now = clock.now();
                     let bytes = bytes.get(..length).unwrap_or_default();
@@ -106,10 +107,7 @@ pub async fn discard(
                         agent.count_held_back(FOREIGN);
                     }
                 }
-                Err(cause) => {
-                    tracing::warn!("PX4's link: {cause}");
-                    tokio::time::sleep(PAUSE).await;
-                }
+                Err(cause) => rest.begin("PX4's link", &cause),
             },
             () = stored.notified() => drop(disk.store.poll()),
             () = tokio::time::sleep_until(due.into()) => {}

@@ -5,7 +5,8 @@
 //! and `key_store` are the signing keys, `memory` keeps them out of swap, `guard_file` those of the DLI guard, `guard_agreed` those agreed with the guard,
 //! `ordered_files` the thread that writes them, `lent_files` what a thread may change that outlives its store; `clock` and
 //! `timer` the time, `sockets` UDP and serial lines, `interfaces` the networks, `local_peers` with `socket_owners` the
-//! programs at their other end, `encryption` the encrypted links on these;
+//! programs at their other end, `encryption` the encrypted links on these,
+//! `rest` what a loop does with one that fails;
 //! `recording` and `dli_recording` write the traffic, `log_pipe` the log; `status_socket`, `pairing_socket`, `web` and
 //! `service` show the state to people and to systemd; `tasks` ends a program when a part of it has ended. On these stand
 //! the programs: `server` (`vsm run`), `replay` (`vsm replay`), `airside` with `airside_disk` and `airside_key` (`vsm
@@ -44,6 +45,7 @@ pub mod pairing_socket;
 pub mod queued_disk;
 pub mod recording;
 pub mod replay;
+mod rest;
 pub mod self_check;
 pub mod server;
 pub mod service;
