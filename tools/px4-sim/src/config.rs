@@ -171,6 +171,8 @@ parameters! {
     GF_MAX_HOR_DIST = Real(0.0);
     GF_MAX_VER_DIST = Real(0.0);
     LNDMC_Z_VEL_MAX = Real(0.25);
+    MAN_ARM_GESTURE = Int(1);
+    MAN_OVERRIDE_SPD = Real(1.0);
     MAV_0_FORWARD = Int(1);
     MAV_0_MODE = Int(0);
     MAV_1_FORWARD = Int(0);

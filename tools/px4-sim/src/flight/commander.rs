@@ -5,6 +5,7 @@
 
 use crate::config::{Param, Params};
 use crate::flight::mode::Mode;
+use crate::flight::steering::Gesture;
 use crate::flight::view::Note;
 
 /// Seconds after boot at which PX4's simulator reports things or becomes able to do them, as observed.
@@ -64,6 +65,8 @@ pub(crate) struct Commander {
     overridden: [bool; 4],
     sticks_at: Option<f64>,
     sticks_regained: bool,
+    /// The corner in which the left stick is, and since when; infinite once that was obeyed.
+    gesture: Option<(Gesture, f64)>,
     setpoints_at: Option<f64>,
     ground_station_at: Option<f64>,
     ground_station_connected: bool,
@@ -97,12 +100,35 @@ impl Commander {
     }
 
     /// MANUAL_CONTROL was received.
-    pub(crate) fn sticks(&mut self, now: f64) {
+    pub(crate) fn sticks(&mut self, now: f64, gesture: Option<Gesture>) {
         self.sticks_at = Some(now);
         self.overridden[Cause::Sticks as usize] = false;
         if self.armed {
             self.sticks_regained = true;
         }
+        let before = self.gesture;
+        self.gesture = gesture.map(|shown| match before {
+            Some((same, since)) if same == shown => (same, since),
+            _ => (shown, now),
+        });
+    }
+
+    /// The sticks are being moved. In a mode that flies by itself PX4 takes that for a pilot who wants the vehicle
+    /// (Commander::manualControlCheck), but not while a failsafe holds before it acts.
+    pub(crate) fn sticks_moved(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
+        if !self.armed || !self.mode().gives_way_to_sticks() || !self.can_run(Mode::PosCtl, facts) {
+            return;
+        }
+        match self.failsafe {
+            Some(Failsafe { then: Some(_), .. }) => return,
+            Some(Failsafe { cause, .. }) => {
+                self.overridden[cause as usize] = true;
+                self.failsafe = None;
+            }
+            None => {}
+        }
+        self.intend(Mode::PosCtl);
+        notes.push(Note::Info("Pilot took over using sticks\t".into()));
     }
 
     /// A setpoint that OFFBOARD can fly was received.
@@ -179,9 +205,10 @@ impl Commander {
         if let Some(failsafe) = self.failsafe.take() {
             self.overridden[failsafe.cause as usize] = true;
         }
-        // Sticks that were lost before the operator chose a mode do not start the failsafe again: the operator has
-        // decided without them.
-        if !self.sticks_alive(facts) {
+        // Sticks that were lost on the ground do not start the failsafe in the air: the operator has decided without them. In
+        // the air only a failsafe that is flown can be taken over: a landing or a return outlasts the loss, and the next
+        // mode begins its failsafe.
+        if facts.landed && !self.sticks_alive(facts) {
             self.overridden[Cause::Sticks as usize] = true;
         }
         self.intend(mode);
@@ -285,12 +312,40 @@ impl Commander {
                 notes.push(Note::Info("Connection to ground station lost\t".into()));
             }
         }
+        self.obey_gesture(facts, notes);
         if !self.armed {
             return;
         }
         self.auto_disarm(facts, notes);
         if self.armed && !facts.landed {
             self.watch(facts, notes);
+        }
+    }
+
+    /// MAN_ARM_GESTURE: the left stick in a lower corner for a second arms, and disarms on the ground
+    /// (ManualControl::processStickArming).
+    fn obey_gesture(&mut self, facts: &Facts<'_>, notes: &mut Vec<Note>) {
+        let Some((gesture, since)) = self.gesture else {
+            return;
+        };
+        if !self.sticks_alive(facts) || facts.params.int(Param::MAN_ARM_GESTURE) == 0 {
+            self.gesture = None;
+            return;
+        }
+        if facts.now - since < GESTURE_S {
+            return;
+        }
+        // Once, until the stick has left the corner.
+        self.gesture = Some((gesture, f64::INFINITY));
+        match gesture {
+            Gesture::Arm => {
+                self.arm("stick gesture", facts, notes);
+            }
+            // In the air it is ignored, and no text says so.
+            Gesture::Disarm if facts.landed => {
+                self.disarm("stick gesture", false, facts, notes);
+            }
+            Gesture::Disarm => {}
         }
     }
 
@@ -326,35 +381,43 @@ impl Commander {
             return;
         }
         if self.intended == Mode::Offboard && !self.setpoints_alive(facts) {
-            self.setpoints_lost(facts, notes);
-        } else if self.sticks_lost(facts) {
-            let action = after_loss(facts.params.int(Param::NAV_RCL_ACT));
-            self.begin(Cause::Sticks, action, facts, notes);
-        } else if !self.ground_station_connected
+            return self.setpoints_lost(facts, notes);
+        }
+        if let Some(lost_at) = self.sticks_lost(facts) {
+            let action = facts.params.int(Param::NAV_RCL_ACT);
+            if action == HOLD_WITHOUT_FAILSAFE && self.intended.needs_sticks() {
+                // Commander::manualControlLossModeSwitch
+                self.intend(Mode::Loiter);
+                notes.push(Note::Info(
+                    "Manual control lost: switching to Hold\t".into(),
+                ));
+            } else {
+                self.begin(Cause::Sticks, after_loss(action), lost_at, facts, notes);
+            }
+        }
+        if self.failsafe.is_none()
+            && !self.ground_station_connected
             && self.ground_station_at.is_some()
+            && self.intended != Mode::Land
+            && !is_exempt(self.intended, facts.params.int(Param::COM_DLL_EXCEPT))
             && !self.overridden[Cause::GroundStation as usize]
         {
             let action = after_loss(facts.params.int(Param::NAV_DLL_ACT));
-            self.begin(Cause::GroundStation, action, facts, notes);
+            self.begin(Cause::GroundStation, action, facts.now, facts, notes);
         }
     }
 
-    /// Sticks are missing in a mode that needs them, or in any mode once they have been present in this flight.
-    fn sticks_lost(&self, facts: &Facts<'_>) -> bool {
+    /// Since when sticks are missing in a mode that needs them, or in any other once they have been present in this flight.
+    fn sticks_lost(&self, facts: &Facts<'_>) -> Option<f64> {
         if self.sticks_alive(facts) {
-            return false;
+            return None;
         }
-        if self.intended.needs_sticks() {
-            return true;
-        }
-        let exempt = facts.params.int(Param::COM_RCL_EXCEPT);
-        let bit = match self.intended {
-            Mode::Mission => 1,
-            Mode::Loiter | Mode::Takeoff | Mode::VtolTakeoff => 2,
-            Mode::Offboard => 4,
-            _ => 0,
-        };
-        self.sticks_regained && exempt & bit == 0 && !self.overridden[Cause::Sticks as usize]
+        let exempt = is_exempt(self.intended, facts.params.int(Param::COM_RCL_EXCEPT));
+        let missed = self.sticks_regained && !exempt && !self.overridden[Cause::Sticks as usize];
+        (self.intended.needs_sticks() || missed).then(|| {
+            let after = facts.params.get(Param::COM_RC_LOSS_T);
+            self.sticks_at.map_or(facts.now, |at| at + after)
+        })
     }
 
     /// A VTOL has lost its wings (quad-chute): COM_QC_ACT acts at once.
@@ -396,27 +459,63 @@ impl Commander {
         notes.push(Note::Critical("Failsafe activated\t".into()));
     }
 
-    /// Holds for COM_FAIL_ACT_T first, then acts.
+    /// What was lost at `since` is acted on. Holds for COM_FAIL_ACT_T first, counted from then.
     fn begin(
         &mut self,
         cause: Cause,
         action: Option<Mode>,
+        since: f64,
         facts: &Facts<'_>,
         notes: &mut Vec<Note>,
     ) {
         let Some(action) = action else { return };
-        let delay = facts.params.get(Param::COM_FAIL_ACT_T);
-        if self.intended != Mode::Loiter {
+        // FailsafeBase::getSelectedAction: a landing and a return are not left for a return, of which there is a warning
+        // alone. The failsafe waits for the next mode.
+        if action == Mode::Rtl && matches!(self.intended, Mode::Land | Mode::Rtl) {
+            return;
+        }
+        // Nothing holds a vehicle that is given up.
+        let holds_s = match action {
+            Mode::Termination => 0.0,
+            _ => facts.params.get(Param::COM_FAIL_ACT_T).max(0.0),
+        };
+        let left_s = since + holds_s - facts.now;
+        let intended = self.intended;
+        // Failsafe::modifyUserIntendedMode
+        if intended == Mode::Orbit {
+            self.intend(Mode::Loiter);
+        }
+        let then = (left_s > 0.0).then_some((facts.now + left_s, action));
+        if then.is_none() {
+            notes.push(Note::Critical("Failsafe activated\t".into()));
+        } else if intended != Mode::Loiter {
             notes.push(Note::Critical(format!(
-                "Failsafe activated: entering Hold for {delay:.0} seconds\t"
+                "Failsafe activated: entering Hold for {left_s:.0} seconds\t"
             )));
         }
         self.failsafe = Some(Failsafe {
             cause,
-            mode: Mode::Loiter,
-            then: Some((facts.now + delay.max(0.0), action)),
+            mode: then.map_or(action, |_| Mode::Loiter),
+            then,
         });
     }
+}
+
+/// Whether a loss has no consequence in a mode: COM_RCL_EXCEPT, COM_DLL_EXCEPT (Failsafe::isFailsafeIgnored).
+fn is_exempt(mode: Mode, exceptions: i32) -> bool {
+    let bit = match mode {
+        Mode::Mission => 1,
+        Mode::Loiter
+        | Mode::Takeoff
+        | Mode::VtolTakeoff
+        | Mode::Land
+        | Mode::Rtl
+        | Mode::Orbit
+        | Mode::Course => 2,
+        Mode::Offboard => 4,
+        _ => 0,
+    };
+    exceptions & bit != 0
 }
 
 fn prevents_arming(mode: Mode) -> bool {
@@ -436,3 +535,8 @@ fn after_loss(action: i32) -> Option<Mode> {
         _ => None,
     }
 }
+
+/// How long the left stick stays in a corner before that counts, s.
+const GESTURE_S: f64 = 1.0;
+/// NAV_RCL_ACT: hold by a change of mode, without a failsafe.
+const HOLD_WITHOUT_FAILSAFE: i32 = 7;

@@ -145,6 +145,22 @@ impl Mode {
             Self::Manual | Self::AltCtl | Self::PosCtl | Self::Acro | Self::Stabilized
         )
     }
+
+    /// True where a pilot who moves the sticks takes the vehicle: the modes with PX4's flags auto and offboard, which a circle
+    /// is not.
+    pub(crate) fn gives_way_to_sticks(self) -> bool {
+        matches!(
+            self,
+            Self::Mission
+                | Self::Loiter
+                | Self::Takeoff
+                | Self::VtolTakeoff
+                | Self::Course
+                | Self::Rtl
+                | Self::Land
+                | Self::Offboard
+        )
+    }
 }
 
 #[cfg(test)]

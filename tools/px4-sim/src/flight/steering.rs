@@ -45,6 +45,21 @@ impl Sticks {
         self.up > DEADZONE
     }
 
+    /// The corner in which the left stick is while the right one is centred.
+    pub(crate) fn gesture(&self) -> Option<Gesture> {
+        let centred = self.forward.abs() < 0.1 && self.right.abs() < 0.1;
+        let low = centred && self.up < -0.8;
+        match self.turn {
+            turn if low && turn > 0.9 => Some(Gesture::Arm),
+            turn if low && turn < -0.9 => Some(Gesture::Disarm),
+            _ => None,
+        }
+    }
+
+    fn axes(&self) -> [f64; 4] {
+        [self.forward, self.right, self.up, self.turn]
+    }
+
     /// The velocity that the sticks request, relative to the heading.
     pub(crate) fn guidance(&self, yaw: f64, params: &Params) -> (Guidance, Heading) {
         let speed = params.get(Param::MPC_VEL_MANUAL);
@@ -70,6 +85,72 @@ impl Sticks {
             },
             Heading::Rate(rate),
         )
+    }
+}
+
+/// A corner of the left stick that means something.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Gesture {
+    /// Lower right.
+    Arm,
+    /// Lower left.
+    Disarm,
+}
+
+/// Whether the sticks are being moved by hand, as PX4 judges it (MovingDiff.hpp): by the smoothed speed of an axis, and not by
+/// noise about one place.
+#[derive(Debug, Default)]
+pub(crate) struct Movement {
+    last: Option<(f64, Sticks)>,
+    axes: [AxisMovement; 4],
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct AxisMovement {
+    /// Smoothed, ranges a second.
+    speed: f64,
+    /// The way of the last samples that differed, and how many they are.
+    upwards: Option<bool>,
+    same_way: u32,
+}
+
+impl Movement {
+    /// Takes the next sticks, and returns whether they are moved faster than MAN_OVERRIDE_SPD.
+    pub(crate) fn take(&mut self, now: f64, sticks: Sticks, params: &Params) -> bool {
+        let Some((at, before)) = self.last.replace((now, sticks)) else {
+            return false;
+        };
+        let span = now - at;
+        if span > params.get(Param::COM_RC_LOSS_T) {
+            self.axes = [AxisMovement::default(); 4];
+            return false;
+        }
+        if span <= 0.0 {
+            return false;
+        }
+        let fastest = params.get(Param::MAN_OVERRIDE_SPD);
+        let mut moved = false;
+        let values = sticks.axes().into_iter().zip(before.axes());
+        for (axis, (new, old)) in self.axes.iter_mut().zip(values) {
+            moved |= axis.is_moved((new - old) / span, span, fastest);
+        }
+        fastest >= 0.0 && moved
+    }
+}
+
+impl AxisMovement {
+    fn is_moved(&mut self, speed: f64, span: f64, fastest: f64) -> bool {
+        self.speed += (speed - self.speed) * span / (span + SMOOTHED_OVER_S);
+        if speed.abs() > 0.0 {
+            let upwards = Some(speed > 0.0);
+            self.same_way = if self.upwards == upwards {
+                self.same_way + 1
+            } else {
+                1
+            };
+            self.upwards = upwards;
+        }
+        self.speed.abs() > fastest && self.same_way >= SAMPLES_OF_ONE_WAY
     }
 }
 
@@ -205,3 +286,7 @@ fn dead(v: f64) -> f64 {
 
 /// The part of a stick's range around its centre that counts as centred.
 const DEADZONE: f64 = 0.1;
+/// Time constant of the speed of a stick, s.
+const SMOOTHED_OVER_S: f64 = 0.05;
+/// Fewer in a row are noise.
+const SAMPLES_OF_ONE_WAY: u32 = 3;

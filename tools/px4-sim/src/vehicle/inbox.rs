@@ -15,7 +15,8 @@ use mavlink_link::service::Node;
 use super::command::{Command, is_for};
 use super::operator::changes_state;
 use super::state::{ClockFault, Outgoing, Vehicle};
-use crate::config::Param;
+use crate::config::{Airframe, Param};
+use crate::flight::commander::Commander;
 use crate::flight::steering::{Setpoint, Sticks};
 
 impl Vehicle {
@@ -53,11 +54,16 @@ impl Vehicle {
             M::GIMBAL_MANAGER_SET_ATTITUDE(m) if m.target_system == own.system => {
                 self.payloads.set_attitude(from, m, own.component);
             }
-            M::MANUAL_CONTROL(m) if m.target == own.system => {
+            M::MANUAL_CONTROL(m) if [0, own.system].contains(&m.target) => {
                 // ManualControlSelector: 0 takes those of a remote control alone, 4 none.
                 if !matches!(self.params.int(Param::COM_RC_IN_MODE), 0 | 4) {
                     self.sticks = Sticks::new(m);
-                    self.commander.sticks(now);
+                    self.commander.sticks(now, self.sticks.gesture());
+                    let moved = self.movement.take(now, self.sticks, &self.params);
+                    // Of a multicopter, and of a VTOL that hovers.
+                    if moved && self.body.flown_as() != Airframe::Plane {
+                        self.decide(Commander::sticks_moved);
+                    }
                 }
             }
             M::SET_POSITION_TARGET_LOCAL_NED(m)

@@ -18,7 +18,7 @@ use crate::flight::commander::{Commander, Facts, boot};
 use crate::flight::items::Fence;
 use crate::flight::mode::Mode;
 use crate::flight::navigator::Navigator;
-use crate::flight::steering::{Setpoint, Sticks};
+use crate::flight::steering::{Movement, Setpoint, Sticks};
 use crate::flight::view::{Note, View};
 use crate::payload::gimbal::Carrier;
 use crate::payload::{FromComponent, PayloadTruth, Payloads};
@@ -164,6 +164,7 @@ pub struct Vehicle {
     pub(crate) home_at_us: u64,
     pub(crate) landed: bool,
     pub(crate) sticks: Sticks,
+    pub(crate) movement: Movement,
     pub(crate) setpoint: Option<Setpoint>,
     pub(crate) target: Ned,
     pub(crate) charge: f64,
@@ -232,6 +233,7 @@ impl Vehicle {
             home_at_us: 0,
             landed: true,
             sticks: Sticks::default(),
+            movement: Movement::default(),
             setpoint: None,
             target: Ned::default(),
             charge: 1.0,

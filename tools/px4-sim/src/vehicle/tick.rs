@@ -66,8 +66,13 @@ impl Vehicle {
     fn command(&mut self) {
         let was_armed = self.commander.is_armed();
         self.decide(Commander::step);
-        if was_armed != self.commander.is_armed() {
+        let armed = self.commander.is_armed();
+        if was_armed != armed {
             self.charge = self.charge.max(0.5);
+        }
+        // By a gesture of the sticks: a command has set it.
+        if armed && !was_armed {
+            self.set_home();
         }
     }
 

@@ -3,10 +3,18 @@
 use crate::vehicle::support::*;
 use mavlink::dialects::development as mav;
 use mavlink::dialects::development::{MavMessage, MavState};
-use px4_sim::{Mode, Param};
+use px4_sim::{Config, Mode, Param};
 
 fn airborne() -> Flight {
-    let mut flight = Flight::ready();
+    airborne_with(&[])
+}
+
+fn airborne_with(params: &[(Param, f64)]) -> Flight {
+    let mut flight = Flight::boot(Config {
+        params: params.to_vec(),
+        ..Config::default()
+    });
+    flight.run(8.0);
     assert_eq!(
         flight.command(22, &[0.0, 0.0, 0.0, f32::NAN, f32::NAN, f32::NAN, 508.0]),
         Some(0)
@@ -81,6 +89,133 @@ fn sticks_fly_and_their_loss_is_hold_then_return() {
     assert_eq!(now, Some((0x0304_0000, 0x0003_0000)), "was {intended:?}");
     flight.run(3.0);
     assert_eq!(flight.vehicle.truth().mode, Mode::Rtl);
+}
+
+/// Flown by sticks for a second, and then the mode is commanded while they still come.
+fn by_hand_and_then(flight: &mut Flight, mode: Mode) {
+    stream(flight, 1.0, &sticks(0));
+    assert_eq!(flight.set_mode(Mode::PosCtl), Some(0));
+    stream(flight, 1.0, &sticks(0));
+    assert_eq!(flight.set_mode(mode), Some(0));
+    stream(flight, 0.2, &sticks(0));
+    assert_eq!(flight.vehicle.truth().mode, mode);
+}
+
+#[test]
+fn sticks_that_end_in_another_mode_are_a_loss_that_only_a_later_mode_takes_over() {
+    let mut flight = airborne();
+    by_hand_and_then(&mut flight, Mode::Loiter);
+    flight.run(7.0);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Rtl);
+
+    let mut flight = airborne();
+    by_hand_and_then(&mut flight, Mode::Loiter);
+    flight.run(1.0);
+    assert_eq!(flight.set_mode(Mode::Loiter), Some(0));
+    flight.run(10.0);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+    // It is taken over for the whole flight, until sticks come again.
+    assert_eq!(flight.set_mode(Mode::Land), Some(0));
+    flight.run(1.0);
+    assert_eq!(flight.set_mode(Mode::Loiter), Some(0));
+    flight.run(10.0);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+
+    // COM_RCL_EXCEPT: automatic modes.
+    let mut flight = airborne_with(&[(Param::COM_RCL_EXCEPT, 2.0)]);
+    by_hand_and_then(&mut flight, Mode::Loiter);
+    flight.run(10.0);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+}
+
+#[test]
+fn a_return_outlasts_the_loss_of_sticks_and_the_next_mode_does_not() {
+    let mut flight = airborne();
+    by_hand_and_then(&mut flight, Mode::Rtl);
+    flight.run(7.0);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Rtl);
+    assert_eq!(flight.heartbeat().system_status, MavState::MAV_STATE_ACTIVE);
+    // The time to hold has run out meanwhile.
+    assert_eq!(flight.set_mode(Mode::Loiter), Some(0));
+    flight.run(1.2);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Rtl);
+    assert_eq!(
+        flight.heartbeat().system_status,
+        MavState::MAV_STATE_CRITICAL
+    );
+    assert_eq!(flight.set_mode(Mode::Loiter), Some(0));
+    flight.run(10.0);
+    assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+}
+
+#[test]
+fn lost_sticks_are_acted_on_as_it_is_set() {
+    for (action, mode, status) in [
+        (1.0, Mode::Loiter, MavState::MAV_STATE_CRITICAL),
+        (
+            5.0,
+            Mode::Termination,
+            MavState::MAV_STATE_FLIGHT_TERMINATION,
+        ),
+        (7.0, Mode::Loiter, MavState::MAV_STATE_ACTIVE),
+    ] {
+        let mut flight = airborne_with(&[(Param::NAV_RCL_ACT, action)]);
+        stream(&mut flight, 1.0, &sticks(0));
+        assert_eq!(flight.set_mode(Mode::PosCtl), Some(0));
+        stream(&mut flight, 1.0, &sticks(0));
+        // None of these holds first.
+        flight.run(1.8);
+        assert_eq!(flight.vehicle.truth().mode, mode, "{action}");
+        assert_eq!(flight.heartbeat().system_status, status, "{action}");
+    }
+}
+
+#[test]
+fn sticks_that_are_moved_take_the_vehicle_and_sticks_that_are_held_do_not() {
+    let mut flight = airborne();
+    stream(&mut flight, 1.0, &sticks(600));
+    assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+    // Slower than MAN_OVERRIDE_SPD, a range a second.
+    for x in (0..12).map(|step| 600 - 40 * step) {
+        stream(&mut flight, 0.05, &sticks(x));
+    }
+    assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+    for x in (0..8).map(|step| 120 + 100 * step) {
+        stream(&mut flight, 0.05, &sticks(x));
+    }
+    assert_eq!(flight.vehicle.truth().mode, Mode::PosCtl);
+    flight.run(0.2);
+    assert!(flight.has_text("Pilot took over using sticks"));
+
+    let mut flight = airborne_with(&[(Param::MAN_OVERRIDE_SPD, -1.0)]);
+    for x in (0..8).map(|step| 120 + 100 * step) {
+        stream(&mut flight, 0.05, &sticks(x));
+    }
+    assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+}
+
+#[test]
+fn the_left_stick_in_a_lower_corner_arms_and_disarms() {
+    let corner = |r| {
+        MavMessage::MANUAL_CONTROL(mav::MANUAL_CONTROL_DATA {
+            z: 0,
+            r,
+            target: 1,
+            ..Default::default()
+        })
+    };
+    let mut flight = Flight::ready();
+    stream(&mut flight, 0.5, &corner(1000));
+    assert_eq!(flight.set_mode(Mode::PosCtl), Some(0));
+    // Not quite in it.
+    stream(&mut flight, 2.0, &corner(900));
+    assert!(!flight.vehicle.truth().armed);
+    stream(&mut flight, 1.3, &corner(1000));
+    assert!(flight.vehicle.truth().armed);
+    stream(&mut flight, 1.3, &corner(-1000));
+    assert!(!flight.vehicle.truth().armed);
+    flight.run(0.5);
+    assert!(flight.has_text("Armed by stick gesture"));
 }
 
 #[test]
