@@ -19,7 +19,9 @@ pub const NAMES: &[&str] = &[
     "COM_DL_LOSS_T",
     "COM_OBL_RC_ACT",
     "COM_OF_LOSS_T",
+    "COM_RCL_EXCEPT",
     "COM_RC_IN_MODE",
+    "COM_RC_LOSS_T",
     "FW_AIRSPD_MAX",
     "FW_AIRSPD_MIN",
     "FW_AIRSPD_TRIM",
@@ -44,6 +46,7 @@ pub const NAMES: &[&str] = &[
     "NAV_ACC_RAD",
     "NAV_DLL_ACT",
     "NAV_LOITER_RAD",
+    "NAV_RCL_ACT",
     "NPFG_DAMPING",
     "NPFG_PERIOD",
     "NPFG_ROLL_TC",
@@ -79,6 +82,29 @@ impl Parameters {
             4 => Some("COM_RC_IN_MODE is 4 (none)"),
             _ => None,
         }
+    }
+
+    /// Why PX4 would bring the vehicle down once the sticks of a ground station end, whatever mode is flown then, where it is
+    /// known to do so: sticks that have come once in a flight are lost in every mode that COM_RCL_EXCEPT does not name
+    /// (Failsafe::checkStateAndMode).
+    #[must_use]
+    pub fn falls_without_sticks(&self) -> Option<&'static str> {
+        /// Mission, automatic modes, OFFBOARD: those that a ground station commands.
+        const COMMANDED: i64 = 0b111;
+        let exempt = self.get("COM_RCL_EXCEPT").unwrap_or(0.0) as i64;
+        match self.get("NAV_RCL_ACT")? as i64 {
+            _ if exempt & COMMANDED == COMMANDED => None,
+            5 => Some("NAV_RCL_ACT is 5 (terminate)"),
+            6 => Some("NAV_RCL_ACT is 6 (disarm)"),
+            _ => None,
+        }
+    }
+
+    /// For how long PX4 flies sticks that have ended before it takes them for lost, s; its default where that is not known.
+    #[must_use]
+    pub fn sticks_last_s(&self) -> f64 {
+        let set = self.get("COM_RC_LOSS_T").filter(|set| *set >= 0.0);
+        set.map_or(0.5, |set| set.min(35.0))
     }
 
     /// Takes in a value; true where it is another than before. Names that are not in [`NAMES`] are not kept.
@@ -347,6 +373,24 @@ mod tests {
             parameters.ignores_sticks().is_some()
         });
         assert_eq!(ignored.collect::<Vec<_>>(), [0, 4]);
+    }
+
+    #[test]
+    fn sticks_that_end_bring_a_vehicle_down_by_two_values_unless_no_commanded_mode_misses_them() {
+        let mut parameters = Parameters::default();
+        assert_eq!(parameters.falls_without_sticks(), None, "not known");
+        let falls = |parameters: &mut Parameters| {
+            let falling = (1..=7).filter(|action| {
+                parameters.set("NAV_RCL_ACT", f64::from(*action));
+                parameters.falls_without_sticks().is_some()
+            });
+            falling.collect::<Vec<_>>()
+        };
+        assert_eq!(falls(&mut parameters), [5, 6]);
+        parameters.set("COM_RCL_EXCEPT", 3.0);
+        assert_eq!(falls(&mut parameters), [5, 6], "set points");
+        parameters.set("COM_RCL_EXCEPT", 15.0);
+        assert!(falls(&mut parameters).is_empty());
     }
 
     #[test]

@@ -84,7 +84,7 @@ fn field(message: u16, name: &str) -> Option<&'static table::FieldInfo> {
 /// Which modes can be commanded now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Available {
-    /// 2: the vehicle takes the sticks of a ground station.
+    /// 2: the vehicle takes the sticks of a ground station, and does not fall once they end.
     pub manual: bool,
     /// 11: a route is loaded, and a vehicle with wings is in the air.
     pub waypoint: bool,

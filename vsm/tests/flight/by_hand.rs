@@ -10,7 +10,7 @@ use stanag_msgs::enums::{
 use stanag_msgs::messages::{
     EngineCommand, UaStickCommand, UnmannedAircraftLights, VehicleOperatingModeCommand,
 };
-use stanag_msgs::{Bam16, Scaled};
+use stanag_msgs::{Bam16, Bam32, Scaled};
 
 fn sticks(forward: i8, right: i8, throttle: u8) -> UaStickCommand {
     UaStickCommand {
@@ -192,6 +192,115 @@ fn a_route_and_manual_flight_right_after_a_hold_are_entered() {
         assert_eq!(rig.truth().mode, Px4::PosCtl, "{wait_s} s");
         assert!(!rig.station().has_alert("have stopped"), "{wait_s} s");
     }
+}
+
+/// Flown forward by hand, 20 m up, with a route aboard.
+fn by_hand() -> Rig {
+    let mut rig = Rig::ready();
+    rig.send_plan(orders::square());
+    rig.done(orders::load());
+    rig.take_off(20.0);
+    let forward = sticks(60, 0, 50);
+    fly(&mut rig, 0.5, &forward);
+    let entered = command_while(&mut rig, &forward, orders::mode(Mode::FlightDirector));
+    assert_eq!(entered, Some(AckType::CarriedOut));
+    fly(&mut rig, 2.0, &forward);
+    rig
+}
+
+/// PX4 misses sticks that have come once in every mode, and returns for want of them.
+#[test]
+fn a_mode_that_ends_the_sticks_is_still_flown_when_the_vehicle_has_missed_them() {
+    let (latitude, longitude) = orders::place(40.0, 0.0);
+    let there = VehicleOperatingModeCommand {
+        loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
+        loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
+        ..orders::mode(Mode::Loiter)
+    };
+    let slowly = VehicleOperatingModeCommand {
+        commanded_speed: Some(Scaled::saturating_from_si(2.0)),
+        ..steer()
+    };
+    for (command, flown) in [
+        (orders::mode(Mode::Loiter), Px4::Loiter),
+        (there, Px4::Loiter),
+        (orders::mode(Mode::Waypoint), Px4::Mission),
+        (slowly, Px4::Offboard),
+    ] {
+        for they_go_on in [true, false] {
+            let mut rig = by_hand();
+            let held = sticks(60, 0, 50);
+            let end = if they_go_on {
+                command_while(&mut rig, &held, command.clone())
+            } else {
+                rig.carry_out(command.clone())
+            };
+            let alerts = rig.station().alerts();
+            assert_eq!(end, Some(AckType::CarriedOut), "{alerts:?}");
+            let seconds = if they_go_on { 12.0 } else { 0.0 };
+            fly(&mut rig, seconds, &held);
+            rig.run(12.0 - seconds);
+            let alerts = rig.station().alerts();
+            assert_eq!(rig.truth().mode, flown, "{they_go_on}: {alerts:?}");
+        }
+    }
+}
+
+/// It is no failsafe in a landing. The climb out of it would be one.
+#[test]
+fn a_mode_after_a_landing_that_ended_the_sticks_is_flown_too() {
+    let mut rig = by_hand();
+    rig.done(orders::mode(Mode::ContingencyB));
+    rig.run(3.0);
+    assert_eq!(rig.truth().mode, Px4::Land);
+    rig.done(orders::mode(Mode::AutolandWaveOff));
+    rig.run(8.0);
+    let alerts = rig.station().alerts();
+    assert_eq!(rig.truth().mode, Px4::Loiter, "{alerts:?}");
+    // From then on no mode waits for that.
+    let begun = rig.clock.elapsed();
+    rig.done(orders::mode(Mode::ContingencyB));
+    assert!((rig.clock.elapsed() - begun).as_secs_f64() < 0.9);
+}
+
+/// A pilot lets go of the sticks as they command a hold, and PX4 takes sticks that move for a pilot who wants the vehicle.
+#[test]
+fn sticks_that_move_as_another_mode_is_commanded_do_not_take_the_vehicle_back() {
+    let mut rig = by_hand();
+    let mut hold = None;
+    // From full forward to full backward within a second.
+    for (step, forward) in (-5..=5_i8).rev().enumerate() {
+        if step == 5 {
+            hold = Some(rig.send(orders::mode(Mode::Loiter)));
+        }
+        fly(&mut rig, 0.1, &sticks(20 * forward, 0, 50));
+    }
+    let end = rig.end(hold.expect("commanded"));
+    assert_eq!(end, Some(AckType::CarriedOut));
+    rig.run(8.0);
+    let alerts = rig.station().alerts();
+    assert_eq!(rig.truth().mode, Px4::Loiter, "{alerts:?}");
+    assert!(!rig.station().has_alert("took over"), "{alerts:?}");
+}
+
+#[test]
+fn manual_flight_is_refused_where_its_end_would_be_that_of_the_flight() {
+    let mut rig = Rig::ready_with(Setup {
+        vehicles: vec![px4_sim::Config {
+            params: vec![(px4_sim::Param::NAV_RCL_ACT, 5.0)],
+            ..px4_sim::Config::default()
+        }],
+        ..Setup::default()
+    });
+    rig.take_off(20.0);
+    let centred = sticks(0, 0, 50);
+    fly(&mut rig, 0.5, &centred);
+    let refused = command_while(&mut rig, &centred, orders::mode(Mode::FlightDirector));
+    assert_eq!(refused, Some(AckType::Refused));
+    assert!(rig.station().has_alert("NAV_RCL_ACT is 5 (terminate)"));
+    fly(&mut rig, 2.0, &centred);
+    rig.run(2.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
 }
 
 /// PX4 has left the mode for want of set points, and new ones would lead it back.

@@ -55,7 +55,7 @@ use self::curve_stream::CurveStream;
 use self::loss_action::LossAction;
 use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
-use self::sticks::{Due, SEEN_WITHIN, Sticks};
+use self::sticks::{Due, SEEN_WITHIN, Sticks, lost_within};
 use self::unexplained::Unexplained;
 use self::watched::Watched;
 use self::wings::BreakOff;
@@ -742,9 +742,18 @@ impl Flight {
         if context.vehicle.awaits_mode() {
             return effects.refuse(origin, format!("mode 2 (manual): {DID_NOT_RUN}"));
         }
+        let parameters = context.parameters.values;
         // A remote control may be on: the vehicle would enter the mode, and not be flown by this CUCS.
-        if let Some(why) = context.parameters.values.ignores_sticks() {
+        if let Some(why) = parameters.ignores_sticks() {
             let why = format!("mode 2 (manual): the vehicle ignores sticks (2010): its {why}");
+            return effects.refuse(origin, why);
+        }
+        // The next mode would be the end of the flight.
+        if let Some(why) = parameters.falls_without_sticks() {
+            let why = format!(
+                "mode 2 (manual): the end of the sticks (2010) would bring the vehicle down in any other mode: its {why}; set that to 2, \
+                 or COM_RCL_EXCEPT to 7"
+            );
             return effects.refuse(origin, why);
         }
         if !self.sticks.fresh(now) {
@@ -828,13 +837,20 @@ impl Flight {
 /// Streams.
 impl Flight {
     fn stream_sticks(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        if context.vehicle.awaits_mode() {
-            return self.sticks.withhold(context.mono());
+        let (now, mode) = (context.mono(), context.vehicle.telemetry.mode);
+        if context.vehicle.telemetry.armed == Some(false) {
+            let within = lost_within(context.parameters.values);
+            self.sticks.note_disarmed(now, within);
         }
-        let mode = context.vehicle.telemetry.mode;
+        let by_hand = mode == Some(Px4Mode::POSCTL);
+        let leaves = |(_, maneuver): &(_, Maneuver)| maneuver.is_leaving(Px4Mode::POSCTL);
+        let leaves = by_hand && self.maneuver.as_ref().is_some_and(leaves);
+        if leaves || context.vehicle.awaits_mode() {
+            return self.sticks.withhold(now);
+        }
         let system = context.config.system_id;
         let newer = context.vehicle.state_is_newer_than_command();
-        match self.sticks.advance(context.mono(), (mode, newer), system) {
+        match self.sticks.advance(now, (mode, newer), system) {
             Due::None => {}
             Due::Send(sticks) => effects.vehicle.post(MavMessage::MANUAL_CONTROL(sticks)),
             Due::Stopped => effects.warn_of_link(
@@ -846,6 +862,11 @@ impl Flight {
     fn stream_set_points(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let limits = &context.parameters.limits(context);
         let system = context.config.system_id;
+        // PX4 holds in between, for want of the sticks that this maneuver has ended.
+        let again = |(_, one): &(_, Maneuver)| one.ends_sticks() && one.enters(Px4Mode::OFFBOARD);
+        if self.maneuver.as_ref().is_some_and(again) {
+            self.steering.enter_once_more();
+        }
         let due = self
             .steering
             .advance(context.mono(), context.vehicle, limits, system);

@@ -12,6 +12,7 @@ use mapping::report::{self, Commanded};
 use stanag_msgs::enums::{AckType, AlertPriority, FlightPathControlMode as Mode, SubsystemId};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
+use super::sticks::lost_within;
 use super::unexplained::Unexplained;
 use super::wings::{BreakOff, Shown};
 use super::{Context, Flight, curve_stream, select};
@@ -34,6 +35,7 @@ impl Flight {
             let config = self.contingencies.config(&context.config.contingency);
             self.contingencies.overridden(&config, effects);
         }
+        let maneuver = self.ending_sticks(context, maneuver);
         // Whatever has commanded it: the one place that every maneuver passes. What was commanded before may still take effect.
         let breaks_off = BreakOff::by(&maneuver, &context.vehicle.telemetry, &context.mission);
         let before = self.breaks_off.take().map(BreakOff::superseded);
@@ -44,6 +46,15 @@ impl Flight {
         self.stream_curve(context, curve_stream::Input::Superseded, effects);
         self.supersede(context, origin, effects);
         self.run(context, origin, maneuver, effects);
+    }
+
+    /// The maneuver, as it ends a flight by sticks where the vehicle is in one, or has been and was commanded nothing since.
+    fn ending_sticks(&self, context: &Context<'_>, maneuver: Maneuver) -> Maneuver {
+        if self.sticks.are_expected() && !maneuver.enters(Px4Mode::POSCTL) {
+            maneuver.ending_sticks(lost_within(context.parameters.values))
+        } else {
+            maneuver
+        }
     }
 
     /// From here on this is the maneuver in progress.
@@ -233,7 +244,7 @@ impl Flight {
     /// Ends streams whose mode is left; within their mode they must not be interrupted.
     fn give_up_streams(&mut self, context: &Context<'_>) {
         // Sticks end even if the vehicle might still enter the mode: moving sticks would override the new command
-        // (COM_RC_OVERRIDE).
+        // (MAN_OVERRIDE_SPD, before v1.18 COM_RC_OVERRIDE).
         if context.vehicle.telemetry.mode != Some(Px4Mode::POSCTL) {
             self.sticks.release();
         }
@@ -273,6 +284,11 @@ impl Flight {
                 self.last.keep(&maneuver.commanded);
                 self.commanded_in = telemetry.mode;
                 self.watched.entered = telemetry.mode;
+                // A landing or a return only outlasts the failsafe for lost sticks, which the next mode would meet.
+                let outlasts = [Some(Px4Mode::LAND), Some(Px4Mode::RTL)].contains(&telemetry.mode);
+                if maneuver.ends_sticks() && !outlasts {
+                    self.sticks.are_ended();
+                }
                 // In mode 11 a speed of the route replaces one commanded on an earlier leg.
                 self.commanded.speed_leg =
                     uploaded.and_then(|uploaded| report::to_index(telemetry, &uploaded.compiled));

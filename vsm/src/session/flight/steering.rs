@@ -165,6 +165,13 @@ impl Steering {
         self.flown = self.flown.filter(|flown| !flown.entered);
     }
 
+    /// The mode is commanded once more after the vehicle has shown it: a report of another one does not end the set points.
+    pub(super) fn enter_once_more(&mut self) {
+        if let Some(flown) = &mut self.flown {
+            flown.entered = false;
+        }
+    }
+
     /// Entering the mode was superseded or not confirmed: the vehicle may still enter it, and would return home without set
     /// points. In other modes it ignores them. So they continue until a report after the last command shows another mode and
     /// any command in transit has arrived.

@@ -6,12 +6,17 @@
 //! sticks, and where the vehicle ignores them (COM_RC_IN_MODE). When they stop, the stream stops too, [`FRESH`] later: PX4 then detects the loss and acts as configured
 //! (COM_RC_LOSS_T, NAV_RCL_ACT). The stream ends with the mode; continuing needs another 2016.
 //!
+//! It ends as soon as another mode is commanded, before the vehicle shows that: sticks that are let go at that moment would take it
+//! back (MAN_OVERRIDE_SPD). PX4 then misses them in whatever mode follows, as it does sticks that fail, until a mode is commanded
+//! once it does: see [`Again::AfterSticks`](crate::session::maneuver).
+//!
 //! No source gives the scale of the sticks: per cent of travel, -100 to 100, throttle 0 to 100. Right, forward (nose
 //! down) and clockwise are positive. An absent stick is centred, an absent throttle is half: hold the height.
 
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
+use mapping::parameter::Parameters;
 use mavlink_link::dialect::MANUAL_CONTROL_DATA;
 use stanag_msgs::messages::UaStickCommand;
 
@@ -24,6 +29,8 @@ pub(crate) struct Sticks {
     /// When the last one was sent, and the minimum time to the next.
     sent: Duration,
     apart: Duration,
+    /// The vehicle has been sent some in this flight, and takes their end for a loss.
+    expected: bool,
 }
 
 /// The state of manual flight.
@@ -110,7 +117,8 @@ impl Sticks {
         self.due = now;
     }
 
-    /// The vehicle's mode is not known since a stop of the bridge: PX4 would leave its failsafe for sticks.
+    /// Nothing is sent for now: the vehicle's mode is not known since a stop of the bridge, and PX4 would leave its failsafe for
+    /// sticks; or another mode is being entered.
     pub(super) fn withhold(&mut self, now: Duration) {
         self.due = self.due.max(now + PERIOD);
     }
@@ -162,9 +170,27 @@ impl Sticks {
         };
         self.sent = now;
         match &self.latest {
-            Some((_, sticks)) => Due::Send(manual_control(sticks, system)),
+            Some((_, sticks)) => {
+                self.expected = true;
+                Due::Send(manual_control(sticks, system))
+            }
             None => Due::None,
         }
+    }
+
+    /// Whether the vehicle takes the end of the stream for a loss of the sticks.
+    pub(super) fn are_expected(&self) -> bool {
+        self.expected
+    }
+
+    /// It does so no longer: a mode was commanded since.
+    pub(super) fn are_ended(&mut self) {
+        self.expected = false;
+    }
+
+    /// The vehicle is disarmed, and arms without sticks once it has noticed that there are none.
+    pub(super) fn note_disarmed(&mut self, now: Duration, lost_within: Duration) {
+        self.expected &= now.saturating_sub(self.sent) <= lost_within;
     }
 
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
@@ -179,6 +205,12 @@ impl Sticks {
         let latest = self.latest.as_ref();
         latest.map(|(at, sticks)| (sticks, *at + FRESH))
     }
+}
+
+/// By then PX4 has taken sticks that have ended for lost, and its failsafe is active. It looks every 0.2 s whether they are older
+/// than COM_RC_LOSS_T (ManualControl::Run), and every 0.1 s what follows (Commander::run); a link delays what is commanded next.
+pub(super) fn lost_within(parameters: &Parameters) -> Duration {
+    Duration::from_secs_f64(parameters.sticks_last_s()) + Duration::from_millis(500)
 }
 
 fn manual_control(sticks: &UaStickCommand, system: u8) -> MANUAL_CONTROL_DATA {

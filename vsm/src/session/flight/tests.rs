@@ -208,6 +208,77 @@ fn sticks_stream_before_manual_flight_and_no_longer_once_it_is_refused() {
     assert!(world.posts().is_empty() && flight.poll_timeout().is_none());
 }
 
+/// In POSCTL by the sticks of station 0.
+fn by_hand() -> (World, Flight) {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    command(&mut world, &mut flight, sticks());
+    command(&mut world, &mut flight, select(Mode::FlightDirector));
+    world.advance(SEEN_WITHIN);
+    command(&mut world, &mut flight, sticks());
+    assert_eq!(world.commanded_modes(), [Px4Mode::POSCTL]);
+    world.show_mode(Px4Mode::POSCTL);
+    let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+    assert_eq!(answers, [AckType::CarriedOut]);
+    world.posts();
+    (world, flight)
+}
+
+#[test]
+fn a_mode_that_ends_the_sticks_is_commanded_again_once_they_are_missed_but_not_over_a_pilot() {
+    let missed = Duration::from_millis(1_100);
+    for shown in [Px4Mode::LOITER, Px4Mode::RTL, Px4Mode::POSCTL] {
+        let (mut world, mut flight) = by_hand();
+        let answers = command(&mut world, &mut flight, select(Mode::Loiter));
+        assert_eq!(answers, [AckType::Received]);
+        assert_eq!(world.commanded_modes(), [Px4Mode::LOITER]);
+        world.posts();
+        assert_eq!(answer_mode(&mut world, &mut flight, ACCEPTED), []);
+        // Sticks that move would take it back.
+        world.advance(Duration::from_millis(100));
+        command(&mut world, &mut flight, sticks());
+        assert!(world.posts().is_empty());
+        world.show_mode(Px4Mode::LOITER);
+        handle(&mut world, &mut flight, Input::Advance);
+        let early = acknowledgements(&world.sent_to(0));
+        assert_eq!(early, [], "the failsafe is still to come");
+        world.advance(missed);
+        if shown == Px4Mode::RTL {
+            // COM_FAIL_ACT_T is 0.
+            world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+        }
+        world.show_mode(shown);
+        handle(&mut world, &mut flight, Input::Advance);
+        let again = world.commanded_modes();
+        if shown == Px4Mode::POSCTL {
+            assert_eq!(again, []);
+            continue;
+        }
+        assert_eq!(again, [Px4Mode::LOITER]);
+        world.show_mode(Px4Mode::LOITER);
+        let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+        assert_eq!(answers, [AckType::CarriedOut]);
+        // PX4 does not miss them any longer: the next mode is commanded once.
+        command(&mut world, &mut flight, select(Mode::ContingencyA));
+        assert_eq!(world.commanded_modes(), [Px4Mode::RTL]);
+        world.show_mode(Px4Mode::RTL);
+        let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+        assert_eq!(answers, [AckType::CarriedOut]);
+    }
+}
+
+#[test]
+fn sticks_fly_on_where_the_mode_that_was_to_end_them_is_refused() {
+    let (mut world, mut flight) = by_hand();
+    command(&mut world, &mut flight, select(Mode::Loiter));
+    assert_eq!(world.commanded_modes(), [Px4Mode::LOITER]);
+    let answers = answer_mode(&mut world, &mut flight, DENIED);
+    assert_eq!(answers, [AckType::Refused]);
+    world.posts();
+    world.advance(Duration::from_millis(100));
+    command(&mut world, &mut flight, sticks());
+    assert_eq!(world.posts().len(), 1);
+}
+
 #[test]
 fn manual_flight_is_refused_where_the_vehicle_ignores_sticks() {
     const TAKEN: &[AckType] = &[AckType::Received];

@@ -28,8 +28,10 @@ use mavlink_link::service::command::{self, Command, Outcome, Ticket};
 use mavlink_link::service::mission;
 
 use self::refusal::Answered;
+use self::step::Again;
 use super::link::services::Services;
 use super::link::state::VehicleState;
+use super::other::Other;
 
 /// The progress of a maneuver.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,6 +51,7 @@ pub(crate) struct Maneuver {
     pub(crate) commanded: Commanded,
     /// Sent when the maneuver fails: a launch that fails leaves no running motors.
     undo: Option<Command>,
+    ends_sticks: bool,
     armed_by_us: bool,
     /// The command that had no answer although the vehicle may show its effect; its name and attempts.
     unanswered: Option<(&'static str, u8)>,
@@ -126,6 +129,7 @@ impl Maneuver {
             basis: Basis::Unknown,
             commanded,
             undo: None,
+            ends_sticks: false,
             armed_by_us: false,
             unanswered: None,
             commanded_at: None,
@@ -200,6 +204,46 @@ impl Maneuver {
     fn awaits(&self, so: impl Fn(&Confirmation) -> bool) -> bool {
         let mut left = self.steps.iter();
         left.any(|step| matches!(step, Step::Confirm { confirmation, .. } if so(confirmation)))
+    }
+
+    /// For a vehicle that has been flown by sticks, and takes them for lost so long after the command to another mode: then that is
+    /// commanded once more.
+    pub(crate) fn ending_sticks(mut self, lost_within: Duration) -> Maneuver {
+        let mut places = 0..self.steps.len();
+        let place = places.find(|place| {
+            let confirmed = self.steps.get(place + 1);
+            matches!(self.steps.get(*place), Some(Step::Command { .. }))
+                && confirmed.is_some_and(Step::confirms_a_mode)
+        });
+        if let Some(place) = place
+            && let Some(Step::Command { command, what, .. }) = self.steps.get(place)
+            && let Some(confirmation) = self.steps.get(place + 1).and_then(Step::confirmation)
+        {
+            let insist = Step::Insist {
+                confirmation: confirmation.clone(),
+                command: *command,
+                what,
+                after: lost_within,
+                again: Again::AfterSticks,
+            };
+            // It insists in this way then.
+            if matches!(self.steps.get(place + 1), Some(Step::Insist { .. })) {
+                self.steps.remove(place + 1);
+            }
+            self.steps.insert(place + 1, insist);
+            self.ends_sticks = true;
+        }
+        self
+    }
+
+    /// Whether it was made to end a flight by sticks.
+    pub(crate) fn ends_sticks(&self) -> bool {
+        self.ends_sticks
+    }
+
+    /// Whether the vehicle is about to enter another mode than this, by a command that was sent.
+    pub(crate) fn is_leaving(&self, mode: Px4Mode) -> bool {
+        matches!(self.basis, Basis::Entering) && !self.enters(mode)
     }
 
     /// The command that is sent if the maneuver fails after its arming step.
@@ -395,23 +439,28 @@ impl Maneuver {
                         confirmation,
                         command,
                         what,
+                        again,
                         ..
                     },
                 ) => {
-                    if confirmation.is_seen(vehicle) {
+                    if *again == Again::WhereItHolds && confirmation.is_seen(vehicle) {
                         self.confirmed();
                     } else if *deadline > now {
                         return Progress::Going;
                     } else {
-                        let again = Step::Command {
+                        let repeats = match again {
+                            // Any other mode may be a pilot's or a failsafe's: it is not contested.
+                            Again::WhereItHolds => vehicle.settled_mode() == Some(Px4Mode::LOITER),
+                            Again::AfterSticks => !is_with_a_pilot(vehicle),
+                        };
+                        let command = Step::Command {
                             command: *command,
                             what,
                             patience: Duration::ZERO,
                         };
                         self.next();
-                        // Any other mode may be a pilot's or a failsafe's: it is not contested.
-                        if vehicle.settled_mode() == Some(Px4Mode::LOITER) {
-                            self.steps.push_front(again);
+                        if repeats {
+                            self.steps.push_front(command);
                         }
                     }
                 }
@@ -568,6 +617,12 @@ fn submit(
         }),
         Err(full) => Err(refused(format!("{what}: {full}"))),
     }
+}
+
+/// Whether a pilot or another station has taken it since the last command.
+fn is_with_a_pilot(vehicle: &VehicleState) -> bool {
+    vehicle.settled_mode().is_some()
+        && matches!(Other::of(&vehicle.telemetry), Some(Other::Pilot(_)))
 }
 
 fn refused(why: String) -> Progress {

@@ -22,18 +22,32 @@ pub(crate) enum Step {
     SetCurrent(RangeInclusive<u16>),
     /// Gives PX4 time to notice a stream that is sent at the same time.
     Pause(Duration),
-    /// Waits for it this long; a vehicle that holds instead is sent the command once more.
+    /// Waits for it this long; then the vehicle is sent the command once more.
     Insist {
         confirmation: Confirmation,
         command: Command,
         what: &'static str,
         after: Duration,
+        again: Again,
     },
     /// Waits until the vehicle shows it.
     Confirm {
         confirmation: Confirmation,
         within: Duration,
     },
+}
+
+/// Which vehicle is sent a command once more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Again {
+    /// One that holds instead.
+    WhereItHolds,
+    /// Any but one that a pilot has taken, also one that shows the mode.
+    ///
+    /// PX4 takes the end of the sticks (2010) for their loss in whatever mode was commanded meanwhile: it holds, then returns
+    /// (NAV_RCL_ACT). Only a mode that is commanded while this failsafe is active takes the vehicle over from it
+    /// (FailsafeBase::getSelectedAction).
+    AfterSticks,
 }
 
 impl Step {
@@ -98,6 +112,7 @@ pub(crate) fn enter(modes: &'static [Px4Mode]) -> [Step; 3] {
             command,
             what: mode.name(),
             after: INSIST_AFTER,
+            again: Again::WhereItHolds,
         },
         Step::Confirm {
             confirmation: Confirmation::Mode(modes),

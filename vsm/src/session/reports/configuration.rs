@@ -455,7 +455,8 @@ fn available_modes(
         Some(mission.uploaded?.compiled.lands(seq))
     };
     Available {
-        manual: parameters.ignores_sticks().is_none(),
+        manual: parameters.ignores_sticks().is_none()
+            && parameters.falls_without_sticks().is_none(),
         waypoint: route && !(telemetry.airframe().has_wings() && telemetry.stands()),
         autopilot: telemetry.airborne(),
         wave_off: match telemetry.mode {
