@@ -283,6 +283,23 @@ fn sticks_that_move_as_another_mode_is_commanded_do_not_take_the_vehicle_back() 
     assert!(!rig.station().has_alert("took over"), "{alerts:?}");
 }
 
+/// PX4 arms when the left stick is in its lower right corner for a second.
+#[test]
+fn sticks_start_no_motors() {
+    let mut rig = Rig::ready();
+    let corner = UaStickCommand {
+        rotational_stick_rudder: Some(100),
+        ..sticks(0, 0, 0)
+    };
+    fly(&mut rig, 0.5, &corner);
+    let entered = command_while(&mut rig, &corner, orders::mode(Mode::FlightDirector));
+    assert_eq!(entered, Some(AckType::CarriedOut));
+    for _ in 0..30 {
+        fly(&mut rig, 0.1, &corner);
+        assert!(!rig.truth().armed);
+    }
+}
+
 #[test]
 fn manual_flight_is_refused_where_its_end_would_be_that_of_the_flight() {
     let mut rig = Rig::ready_with(Setup {

@@ -216,14 +216,21 @@ pub(super) fn lost_within(parameters: &Parameters) -> Duration {
 fn manual_control(sticks: &UaStickCommand, system: u8) -> MANUAL_CONTROL_DATA {
     // DLI sticks are per cent, those of MANUAL_CONTROL per mille.
     let axis = |stick: Option<i8>| i16::from(stick.unwrap_or(0)) * 10;
+    let z =
+        (sticks.throttle_stick_engine_1).map_or(HALF_THROTTLE, |throttle| i16::from(throttle) * 10);
+    let r = axis(sticks.rotational_stick_rudder);
     MANUAL_CONTROL_DATA {
         target: system,
         x: axis(sticks.longitudinal_stick),
         y: axis(sticks.lateral_stick),
-        z: sticks
-            .throttle_stick_engine_1
-            .map_or(HALF_THROTTLE, |throttle| i16::from(throttle) * 10),
-        r: axis(sticks.rotational_stick_rudder),
+        z,
+        // The left stick in a lower corner is a gesture to PX4: it arms and disarms (MAN_ARM_GESTURE), or stops the motors in
+        // flight (MAN_KILL_GEST_T). That needs LOI 5, and has messages of its own (2008, 2005); sticks need LOI 4.
+        r: if z < LOWEST_TENTH {
+            r.clamp(-NO_GESTURE, NO_GESTURE)
+        } else {
+            r
+        },
         ..MANUAL_CONTROL_DATA::default()
     }
 }
@@ -240,6 +247,9 @@ const PERIOD: Duration = Duration::from_millis(40);
 /// is not delayed.
 const SHORTEST: Duration = Duration::from_millis(15);
 const HALF_THROTTLE: i16 = 500;
+/// Below this throttle the rudder makes a gesture, and beyond this rudder (ManualControl::processStickArming).
+const LOWEST_TENTH: i16 = 100;
+const NO_GESTURE: i16 = 900;
 /// A stamp this far back means that the clock was set.
 const CLOCK_SET_MS: u64 = 10_000;
 
@@ -330,6 +340,28 @@ mod tests {
             Some(200)
         );
         assert!(sticks.take(Duration::ZERO, &forward(600, 101)).is_err());
+    }
+
+    #[test]
+    fn no_stick_makes_a_gesture_that_arms_or_stops_motors() {
+        for throttle in 0..=100 {
+            for rudder in [-100, -95, -50, 0, 50, 95, 100] {
+                let sticks = UaStickCommand {
+                    throttle_stick_engine_1: Some(throttle),
+                    rotational_stick_rudder: Some(rudder),
+                    ..UaStickCommand::default()
+                };
+                let sent = manual_control(&sticks, 1);
+                assert_eq!(sent.z, i16::from(throttle) * 10);
+                let as_it_is = i16::from(rudder) * 10;
+                let expected = if throttle < 10 {
+                    as_it_is.clamp(-900, 900)
+                } else {
+                    as_it_is
+                };
+                assert_eq!(sent.r, expected, "{throttle}");
+            }
+        }
     }
 
     #[test]
