@@ -241,9 +241,9 @@ const MISSION_START: u16 = 300;
 const ARM_DISARM: u16 = 400;
 
 /// HEARTBEAT, PING; PARAM_REQUEST_READ, _LIST, _SET; the mission protocol; MANUAL_CONTROL; COMMAND_INT, _LONG, _ACK;
-/// SET_POSITION_TARGET_LOCAL_NED, _GLOBAL_INT; TIMESYNC; TERRAIN_DATA; GIMBAL_MANAGER_SET_ATTITUDE; REQUEST_EVENT. The kit of the
-/// tests holds each frame of the bridge against this list and that of the commands.
-const MESSAGES: [u32; 24] = [
+/// SET_POSITION_TARGET_LOCAL_NED, _GLOBAL_INT; TIMESYNC; TERRAIN_DATA; GIMBAL_MANAGER_SET_ATTITUDE, _PITCHYAW; REQUEST_EVENT. The kit of
+/// the tests holds each frame of the bridge against this list and that of the commands.
+const MESSAGES: [u32; 25] = [
     0,
     4,
     20,
@@ -267,6 +267,7 @@ const MESSAGES: [u32; 24] = [
     111,
     134,
     282,
+    287,
     412,
 ];
 
@@ -445,8 +446,8 @@ mod tests {
                 .all(|one| bridge.commands.contains(one))
         );
         assert_eq!(station.protected_parameters, bridge.protected_parameters);
-        // TIMESYNC, TERRAIN_DATA, GIMBAL_MANAGER_SET_ATTITUDE, REQUEST_EVENT.
-        for message in [111, 134, 282, 412] {
+        // TIMESYNC, TERRAIN_DATA, GIMBAL_MANAGER_SET_ATTITUDE, _PITCHYAW, REQUEST_EVENT.
+        for message in [111, 134, 282, 287, 412] {
             assert!(!station.messages.contains(&message), "{message}");
         }
         // A landing is aborted by whoever began it.

@@ -356,7 +356,7 @@ fn a_captured_ground_station_reaches_no_shell_no_files_and_no_failsafe() {
     );
 
     // What the bridge sends passes.
-    for id in [4, 86, 111, 134, 282, 412] {
+    for id in [4, 86, 111, 134, 282, 287, 412] {
         let bytes = signed(&mut world, id, &[1; 6]);
         assert!(world.passes(GROUND, &bytes), "{id}");
     }

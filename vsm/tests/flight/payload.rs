@@ -192,6 +192,50 @@ fn stations_are_those_that_the_vehicle_shows_and_each_has_one_holder() {
     }
 }
 
+/// PX4 takes GIMBAL_MANAGER_SET_ATTITUDE of who controls its gimbal, whatever gimbal that is for.
+#[test]
+fn who_turns_one_station_moves_no_other() {
+    let mut rig = rig(2);
+    assert_eq!(take(&mut rig, PILOT, 0x0c, 0), DONE);
+    assert_eq!(take(&mut rig, OPERATOR, 0x02, 0b1), DONE);
+    assert_eq!(take(&mut rig, SECOND, 0x02, 0b10), DONE);
+    done(&mut rig, PILOT, orders::launch(30.0));
+    assert!(rig.until(60.0, |rig| -rig.truth().position.d > 29.0));
+    done(&mut rig, OPERATOR, pointing(0b1, Pointing::AngleToUa));
+    done(&mut rig, OPERATOR, angles(0b1, 40.0, -50.0));
+    let stays = |rig: &Rig| {
+        let (azimuth, elevation) = looks(rig, 0);
+        assert!(
+            (azimuth - 40.0).abs() < 3.5 && (elevation + 50.0).abs() < 3.5,
+            "{azimuth} {elevation}"
+        );
+    };
+    done(&mut rig, SECOND, pointing(0b10, Pointing::SlewRateToUa));
+    let slew = PayloadSteeringCommand {
+        horizontal_slew_rate: Some(Scaled::saturating_from_si(0.1)),
+        vertical_slew_rate: Some(Scaled::saturating_from_si(-0.1)),
+        ..steer(0b10)
+    };
+    done(&mut rig, SECOND, slew);
+    rig.run(5.0);
+    let (azimuth, elevation) = looks(&rig, 1);
+    assert!(azimuth > 20.0 && elevation < -20.0, "{azimuth} {elevation}");
+    stays(&rig);
+    done(&mut rig, SECOND, pointing(0b10, Pointing::LatLongSlaved));
+    let (latitude, longitude) = orders::place(60.0, -60.0);
+    let stare = PayloadSteeringCommand {
+        latitude: Some(Bam32::from_degrees(latitude)),
+        longitude: Some(Bam32::from_degrees(longitude)),
+        altitude: Some(Scaled::saturating_from_si(0.0)),
+        altitude_type: Some(AltitudeType::Agl),
+        ..steer(0b10)
+    };
+    done(&mut rig, SECOND, stare);
+    let (azimuth, _) = looks(&rig, 1);
+    assert!((azimuth + 45.0).abs() < 5.0, "{azimuth}");
+    stays(&rig);
+}
+
 #[test]
 fn the_video_streams_of_cameras_are_announced_when_they_appear_and_on_request() {
     let mut rig = rig(2);

@@ -358,6 +358,17 @@ impl Gimbal {
         self.set(m.flags, angles, rates);
     }
 
+    /// GIMBAL_MANAGER_SET_PITCHYAW.
+    pub(crate) fn set_pitch_yaw(&mut self, from: Node, m: &mav::GIMBAL_MANAGER_SET_PITCHYAW_DATA) {
+        if self.control != [from.system, from.component] {
+            return;
+        }
+        let given = |value: f32| value.is_finite().then_some(f64::from(value));
+        let angles = given(m.pitch).zip(given(m.yaw));
+        let angles = angles.map(|(pitch, yaw)| [pitch, yaw]);
+        self.set(m.flags, angles, [given(m.pitch_rate), given(m.yaw_rate)]);
+    }
+
     fn set(
         &mut self,
         flags: GimbalManagerFlags,

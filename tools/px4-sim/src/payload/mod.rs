@@ -7,7 +7,7 @@
 //! - [`gimbal`]: how a gimbal moves, and what a gimbal manager accepts. PX4's manager follows its source
 //!   (src/modules/gimbal/input_mavlink.cpp, v1.18): a command of a sender that is not in primary control is DENIED,
 //!   RETRACT is acknowledged and not done, angles of NaN in DO_GIMBAL_MANAGER_PITCHYAW become 0, and rates end 2 s
-//!   after they were set.
+//!   after they were set. GIMBAL_MANAGER_SET_ATTITUDE moves it whatever component and device that is for.
 //! - [`camera`]: the camera protocol: modes, zoom, focus, photographs, video, storage.
 
 pub(crate) mod camera;
@@ -142,20 +142,37 @@ impl Payloads {
         Some(gimbal.execute(command))
     }
 
-    /// GIMBAL_MANAGER_SET_ATTITUDE, which is never answered.
+    /// GIMBAL_MANAGER_SET_ATTITUDE, which is never answered. PX4's receiver and gimbal module look at no target and at no device,
+    /// only at who is in control.
     pub(crate) fn set_attitude(
         &mut self,
         from: Node,
         message: &mav::GIMBAL_MANAGER_SET_ATTITUDE_DATA,
-        autopilot: u8,
+        system: u8,
     ) {
         for Station { gimbal, .. } in &mut self.stations {
-            let manager = match gimbal.manager() {
-                Manager::Px4 => autopilot,
-                Manager::Own => gimbal.device(),
-            };
-            if [0, manager].contains(&message.target_component) {
+            let own = Node::new(system, gimbal.device());
+            if gimbal.manager() == Manager::Px4
+                || own.is_target(message.target_system, message.target_component)
+            {
                 gimbal.set_attitude(from, message);
+            }
+        }
+    }
+
+    /// GIMBAL_MANAGER_SET_PITCHYAW, which PX4 v1.18 does not handle.
+    pub(crate) fn set_pitch_yaw(
+        &mut self,
+        from: Node,
+        message: &mav::GIMBAL_MANAGER_SET_PITCHYAW_DATA,
+        system: u8,
+    ) {
+        for Station { gimbal, .. } in &mut self.stations {
+            let own = Node::new(system, gimbal.device());
+            if gimbal.manager() == Manager::Own
+                && own.is_target(message.target_system, message.target_component)
+            {
+                gimbal.set_pitch_yaw(from, message);
             }
         }
     }

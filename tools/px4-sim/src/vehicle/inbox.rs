@@ -51,9 +51,8 @@ impl Vehicle {
                     garbled: false,
                 });
             }
-            M::GIMBAL_MANAGER_SET_ATTITUDE(m) if m.target_system == own.system => {
-                self.payloads.set_attitude(from, m, own.component);
-            }
+            M::GIMBAL_MANAGER_SET_ATTITUDE(m) => self.payloads.set_attitude(from, m, own.system),
+            M::GIMBAL_MANAGER_SET_PITCHYAW(m) => self.payloads.set_pitch_yaw(from, m, own.system),
             M::MANUAL_CONTROL(m) if [0, own.system].contains(&m.target) => {
                 // ManualControlSelector: 0 takes those of a remote control alone, 4 none.
                 if !matches!(self.params.int(Param::COM_RC_IN_MODE), 0 | 4) {

@@ -12,8 +12,8 @@ use mapping::payload::pointing::{
 use mapping::payload::report::Station;
 use mapping::telemetry::{Place, Telemetry};
 use mavlink_link::dialect::{
-    CameraMode, CameraSource, CameraZoomType, GIMBAL_MANAGER_SET_ATTITUDE_DATA, GimbalManagerFlags,
-    MavCmd, MavMessage, SetFocusType,
+    CameraMode, CameraSource, CameraZoomType, GIMBAL_MANAGER_SET_ATTITUDE_DATA,
+    GIMBAL_MANAGER_SET_PITCHYAW_DATA, GimbalManagerFlags, MavCmd, MavMessage, SetFocusType,
 };
 use mavlink_link::service::Node;
 use mavlink_link::service::command::{Command, Payload, Repetition};
@@ -449,9 +449,10 @@ impl Motion {
         }
     }
 
-    /// Uses GIMBAL_MANAGER_SET_ATTITUDE: PX4 treats angles that DO_GIMBAL_MANAGER_PITCHYAW leaves out as 0, so that command
-    /// cannot set rates alone. `None` before the gimbal has a manager, and for a place before the vehicle's position is
-    /// known.
+    /// To PX4's manager GIMBAL_MANAGER_SET_ATTITUDE: PX4 treats angles that DO_GIMBAL_MANAGER_PITCHYAW leaves out as 0, so that
+    /// command cannot set rates alone. To any other GIMBAL_MANAGER_SET_PITCHYAW: PX4 takes the first for its own gimbal, whatever
+    /// component it is for (MavlinkReceiver, InputMavlinkGimbalV2), and would turn that too. `None` before the gimbal has a
+    /// manager, and for a place before the vehicle's position is known.
     pub(super) fn message(
         self,
         station: &Station<'_>,
@@ -473,18 +474,33 @@ impl Motion {
                 (locked, q.map(|part| part as f32), [f32::NAN; 3])
             }
         };
-        Some(MavMessage::GIMBAL_MANAGER_SET_ATTITUDE(
-            GIMBAL_MANAGER_SET_ATTITUDE_DATA {
+        let (target_system, target_component) = (vehicle.system, manager(station)?);
+        let gimbal_device_id = station.equipment.gimbal.unwrap_or(0);
+        Some(if target_component == vehicle.component {
+            MavMessage::GIMBAL_MANAGER_SET_ATTITUDE(GIMBAL_MANAGER_SET_ATTITUDE_DATA {
                 flags,
                 q,
                 angular_velocity_x: x,
                 angular_velocity_y: y,
                 angular_velocity_z: z,
-                target_system: vehicle.system,
-                target_component: manager(station)?,
-                gimbal_device_id: station.equipment.gimbal.unwrap_or(0),
-            },
-        ))
+                target_system,
+                target_component,
+                gimbal_device_id,
+            })
+        } else {
+            // NaN, which means unset, stays NaN.
+            let [_, pitch, yaw] = euler(q.map(f64::from)).map(|angle| angle as f32);
+            MavMessage::GIMBAL_MANAGER_SET_PITCHYAW(GIMBAL_MANAGER_SET_PITCHYAW_DATA {
+                flags,
+                pitch,
+                yaw,
+                pitch_rate: y,
+                yaw_rate: z,
+                target_system,
+                target_component,
+                gimbal_device_id,
+            })
+        })
     }
 }
 
