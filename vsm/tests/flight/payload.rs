@@ -4,8 +4,9 @@
 use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use mapping::payload::report::{PHOTOGRAPH, RECORDING};
 use stanag_msgs::enums::{
-    AckType, AltitudeType, EoirPointingMode as Pointing, EoirSystemMode as System, ImageOutput,
-    LoiBitmap, RequestedAccess, SetFocus, SetZoom, StationBitmap1To16,
+    AckType, AltitudeType, EoirPointingMode as Pointing, EoirSystemMode as System,
+    FlightPathControlMode as Mode, ImageOutput, LoiBitmap, RequestedAccess, SetFocus, SetZoom,
+    StationBitmap1To16,
 };
 use stanag_msgs::klv::LocalSet;
 use stanag_msgs::messages::{
@@ -436,11 +437,7 @@ fn a_gimbal_keeps_looking_at_a_place_while_the_vehicle_flies_past() {
         ..steer(1)
     };
     done(&mut rig, OPERATOR, stare);
-    done(
-        &mut rig,
-        PILOT,
-        orders::mode(stanag_msgs::enums::FlightPathControlMode::Waypoint),
-    );
+    done(&mut rig, PILOT, orders::mode(Mode::Waypoint));
     for _ in 0..3 {
         rig.run(5.0);
         let [n, e, d] = rig.vehicles[0].vehicle().payloads()[0].sight;
@@ -484,6 +481,36 @@ fn a_gimbal_keeps_looking_at_a_place_while_the_vehicle_flies_past() {
     rig.run(3.0);
     let (to, _) = looks(&rig, 0);
     assert!((to - from).abs() < 4.0, "nobody holds it: {from} {to}");
+}
+
+/// PX4's navigator takes its gimbal from whoever has it, and centres it.
+#[test]
+fn a_gimbal_that_the_vehicle_has_centred_is_not_reported_as_pointed() {
+    let mut rig = rig(1);
+    assert_eq!(take(&mut rig, PILOT, 0x0c, 0), DONE);
+    assert_eq!(take(&mut rig, OPERATOR, 0x02, 0b1), DONE);
+    rig.send_plan(orders::square());
+    rig.done(orders::load());
+    done(&mut rig, PILOT, orders::launch(20.0));
+    assert!(rig.until(60.0, |rig| -rig.truth().position.d > 19.0));
+    done(&mut rig, PILOT, orders::mode(Mode::Waypoint));
+    done(&mut rig, OPERATOR, pointing(1, Pointing::AngleToUa));
+    done(&mut rig, OPERATOR, angles(1, 40.0, -50.0));
+    rig.run(1.0);
+    let mode = |rig: &Rig| state(rig, OPERATOR, 1).pointing_mode_state;
+    assert_eq!(mode(&rig), Some(Pointing::AngleToUa));
+    done(&mut rig, PILOT, orders::mode(Mode::Loiter));
+    rig.run(4.0);
+    let (azimuth, elevation) = looks(&rig, 0);
+    assert!(
+        azimuth.abs() < 5.0 && elevation.abs() < 5.0,
+        "{azimuth} {elevation}"
+    );
+    assert_eq!(mode(&rig), Some(Pointing::NoValue));
+    assert!(rig.stations[OPERATOR].has_alert("controlled by nobody now"));
+    done(&mut rig, OPERATOR, angles(1, -30.0, -20.0));
+    rig.run(1.0);
+    assert_eq!(mode(&rig), Some(Pointing::AngleToUa));
 }
 
 #[test]

@@ -183,6 +183,8 @@ pub(crate) const CHANGE_SPEED: u16 = 178;
 pub(crate) const LAND_START: u16 = 189;
 pub(crate) const SET_ROI_LOCATION: u16 = 195;
 pub(crate) const SET_ROI_NONE: u16 = 197;
+pub(crate) const GIMBAL_PITCHYAW: u16 = 1000;
+pub(crate) const GIMBAL_CONFIGURE: u16 = 1001;
 pub(crate) const TRANSITION: u16 = 3000;
 
 #[cfg(test)]

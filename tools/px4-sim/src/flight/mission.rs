@@ -8,9 +8,9 @@ use mavlink_link::service::mission::{Item, plan_id};
 
 use super::feasibility;
 use super::items::{
-    CHANGE_SPEED, DELAY, JUMP, LAND, LOITER_TIME, LOITER_TO_ALT, LOITER_UNLIM, RETURN_TO_LAUNCH,
-    SET_ROI_LOCATION, SET_ROI_NONE, TAKEOFF, TRANSITION, VTOL_LAND, VTOL_TAKEOFF, acceptance,
-    has_place, hold_time, loiter_radius, place, turn_switch_distance,
+    CHANGE_SPEED, DELAY, GIMBAL_CONFIGURE, GIMBAL_PITCHYAW, JUMP, LAND, LOITER_TIME, LOITER_TO_ALT,
+    LOITER_UNLIM, RETURN_TO_LAUNCH, SET_ROI_LOCATION, SET_ROI_NONE, TAKEOFF, TRANSITION, VTOL_LAND,
+    VTOL_TAKEOFF, acceptance, has_place, hold_time, loiter_radius, place, turn_switch_distance,
 };
 use super::view::{Note, View, loiter};
 use crate::config::{Airframe, Param};
@@ -182,6 +182,12 @@ impl Mission {
         let mut before = self.items.iter().take(self.index).rev();
         let set = before.find(|item| item.command == CHANGE_SPEED);
         self.speed = set.and_then(commanded_speed);
+        // And the last of these (`replayCachedGimbalItems`): the navigator has centred the gimbal since.
+        for command in [GIMBAL_CONFIGURE, GIMBAL_PITCHYAW] {
+            let mut before = self.items.iter().take(self.index).rev();
+            let last = before.find(|item| item.command == command);
+            notes.extend(last.copied().map(Note::Action));
+        }
         self.activated = true;
         self.disarmed_inactive = false;
         self.finished = false;

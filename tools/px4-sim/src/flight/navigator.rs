@@ -177,6 +177,10 @@ impl Navigator {
         if active != self.active {
             if self.active == Some(Mode::Mission) {
                 self.mission.deactivate();
+                // Also by a disarming, which is on the ground.
+                if !view.landed {
+                    notes.push(Note::CentreGimbal);
+                }
             }
             self.active = active;
             if let Some(mode) = active {
@@ -235,6 +239,9 @@ impl Navigator {
     fn enter(&mut self, mode: Mode, view: &View<'_>, notes: &mut Vec<Note>) {
         if mode != Mode::Mission {
             self.hold = stopping_point(view);
+        }
+        if matches!(mode, Mode::Land | Mode::Rtl) {
+            notes.push(Note::CentreGimbal);
         }
         match mode {
             Mode::Mission => self.mission.activate(view, notes),

@@ -78,6 +78,8 @@ pub(crate) enum Note {
     Action(Item),
     /// Change to AUTO.RTL: the item was NAV_RETURN_TO_LAUNCH.
     ReturnHome,
+    /// The navigator takes the gimbal soon, centres it, and lets go of it.
+    CentreGimbal,
     /// Begin a transition of a VTOL.
     Transition { to_wings: bool },
 }

@@ -358,6 +358,12 @@ impl Gimbal {
         self.set(m.flags, angles, rates);
     }
 
+    /// It is to look ahead, and nobody controls it then.
+    pub(crate) fn centre(&mut self) {
+        self.setpoint = Setpoint::Neutral;
+        self.control = [0; 2];
+    }
+
     /// GIMBAL_MANAGER_SET_PITCHYAW.
     pub(crate) fn set_pitch_yaw(&mut self, from: Node, m: &mav::GIMBAL_MANAGER_SET_PITCHYAW_DATA) {
         if self.control != [from.system, from.component] {

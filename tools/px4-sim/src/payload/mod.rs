@@ -142,6 +142,15 @@ impl Payloads {
         Some(gimbal.execute(command))
     }
 
+    /// PX4's navigator takes its gimbal, whoever controls it, centres it, and lets go of it.
+    pub(crate) fn centre(&mut self) {
+        for Station { gimbal, .. } in &mut self.stations {
+            if gimbal.manager() == Manager::Px4 {
+                gimbal.centre();
+            }
+        }
+    }
+
     /// GIMBAL_MANAGER_SET_ATTITUDE, which is never answered. PX4's receiver and gimbal module look at no target and at no device,
     /// only at who is in control.
     pub(crate) fn set_attitude(

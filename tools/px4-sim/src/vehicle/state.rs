@@ -186,6 +186,8 @@ pub struct Vehicle {
     pub(crate) operator: OperatorControl,
     pub(crate) ground: Option<GroundGrid>,
     pub(crate) payloads: Payloads,
+    /// When the navigator centres the gimbal.
+    pub(crate) gimbal_centred_at: Option<f64>,
     pub(crate) actions: Actions,
 }
 
@@ -253,6 +255,7 @@ impl Vehicle {
             health_faults: HealthFaults::default(),
             ground: None,
             payloads: Payloads::new(&config),
+            gimbal_centred_at: None,
             actions: Actions::default(),
             operator: OperatorControl::new(config.operator_control, config.system_id),
             config,
@@ -427,6 +430,10 @@ impl Vehicle {
                     self.send_reached(seq);
                 }
                 Note::ReturnHome => {}
+                Note::CentreGimbal => {
+                    let soon = self.now() + CENTRED_AFTER_S;
+                    self.gimbal_centred_at.get_or_insert(soon);
+                }
                 Note::Action(item) => {
                     let (now, here) = (self.now(), self.body.motion().position);
                     let before = self.actions.triggers;
@@ -503,5 +510,7 @@ pub const TICK: Duration = Duration::from_millis(4);
 pub(crate) const DT: f64 = 0.004;
 /// MAV_COMP_ID_AUTOPILOT1.
 const COMPONENT: u8 = 1;
+/// Navigator::neutralize_gimbal_if_control_activated
+const CENTRED_AFTER_S: f64 = 0.25;
 /// Messages that wait at most.
 const MAX_OUT: usize = 4096;

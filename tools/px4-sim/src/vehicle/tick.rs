@@ -43,6 +43,9 @@ impl Vehicle {
         self.command();
         self.fly(now);
         self.detect_ground(now);
+        if self.gimbal_centred_at.take_if(|at| now >= *at).is_some() {
+            self.payloads.centre();
+        }
         if self.config.payloads > 0 && self.ticks.is_multiple_of(PAYLOADS_EVERY) {
             let carrier = self.carrier();
             let sent = self.payloads.step(DT * PAYLOADS_EVERY as f64, &carrier);

@@ -9,6 +9,9 @@
 //!
 //! PX4 stops a gimbal 2 s after its rates were set, so they are set again each second. To look at a place, the gimbal's
 //! direction is sent repeatedly. Both end, and a zoom stops, once the commanding CUCS no longer holds the station.
+//!
+//! No pointing mode is reported once the gimbal's manager shows another in control: PX4's own navigator takes a gimbal for a
+//! mission, and to centre it.
 
 mod discovery;
 mod judge;
@@ -320,7 +323,8 @@ impl Payload {
         if let Some(mode) = mode {
             state.commanded = mode;
         }
-        if (steps.iter()).any(|step| step.drive() == Some(Drive::Gimbal)) {
+        let turns = (steps.iter()).any(|step| step.drive() == Some(Drive::Gimbal));
+        if turns {
             // The earlier motion ends with the new command.
             state.moving = None;
         }
@@ -336,6 +340,8 @@ impl Payload {
                 state.commanded = state.shown;
                 None
             }
+            // It takes a gimbal back that another had taken from this mode.
+            None if steers && turns && state.commanded != state.shown => Some(state.commanded),
             _ => mode,
         };
         Ok(Some(Task {
@@ -559,15 +565,13 @@ impl Payload {
         }
     }
 
-    /// Repeats the message that keeps a gimbal moving, until another system takes the gimbal.
+    /// Repeats the message that keeps a gimbal moving. Whatever was commanded of a gimbal that another controls is over.
     fn keep_moving(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let now = context.mono();
         let (own, vehicle) = (effects.vehicle.own(), effects.vehicle.autopilot());
         for (number, state) in &mut self.states {
-            let Some(moving) = &mut state.moving else {
-                continue;
-            };
-            if now < moving.next {
+            let moves = state.moving.is_some();
+            if !moves && state.shown == EoirPointingMode::NoValue {
                 continue;
             }
             let all = context.equipment();
@@ -576,17 +580,30 @@ impl Payload {
                 continue;
             };
             let station = Station::of(equipment, &context.vehicle.payloads, now);
-            let holder = step::holder(&station);
-            if let Some([system, component]) = holder
-                && [system, component] != [own.system, own.component]
-            {
+            // A command in progress may be about to take it.
+            let turned = |task: &Task| {
+                let mut steps = task.steps.iter();
+                task.station == *number && steps.any(|step| step.drive() == Some(Drive::Gimbal))
+            };
+            let holder = step::holder(&station).filter(|_| !self.tasks.iter().any(turned));
+            if let Some(other) = holder.filter(|one| *one != [own.system, own.component]) {
                 state.moving = None;
-                state.commanded = EoirPointingMode::NoValue;
                 state.shown = EoirPointingMode::NoValue;
-                effects.warn_of_link(format!(
-                    "the gimbal of payload station {number} is steered by system {system} component {component} now \
-                     (GIMBAL_MANAGER_STATUS), no longer by this VSM: command a pointing mode (19100) to take it back"
-                ));
+                // Angles are taken up by the next command; what moves a gimbal until it is ended is not, by a stream of them.
+                let angles = state.commanded == EoirPointingMode::AngleToUa;
+                let back = if angles {
+                    "the next angles (19001) take it back"
+                } else {
+                    state.commanded = EoirPointingMode::NoValue;
+                    "command a pointing mode (19100) to take it back"
+                };
+                effects.warn_of_link(taken(*number, other, back));
+                continue;
+            }
+            let Some(moving) = &mut state.moving else {
+                continue;
+            };
+            if now < moving.next {
                 continue;
             }
             let telemetry = &context.vehicle.telemetry;
@@ -703,6 +720,17 @@ impl Task {
             return None;
         }
     }
+}
+
+/// What an operator reads of a gimbal that `other` controls.
+fn taken(number: u8, other: [u8; 2], back: &str) -> String {
+    let now = match other {
+        [0, 0] => "controlled by nobody now (PX4 centres its gimbal when a mission is left, and for a return or a landing)".to_owned(),
+        [system, component] => format!("steered by system {system} component {component} now"),
+    };
+    format!(
+        "the gimbal of payload station {number} is {now}, no longer by this VSM (GIMBAL_MANAGER_STATUS): {back}"
+    )
 }
 
 /// A present payload station.

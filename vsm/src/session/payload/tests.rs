@@ -827,6 +827,44 @@ fn auto_focus_that_failed_is_commanded_again() {
 }
 
 #[test]
+fn angles_are_not_shown_once_another_steers_the_gimbal_and_the_next_take_it_back() {
+    let mut scene = Scene::new();
+    scene.report(1, manager([245, 190]));
+    scene.accept(1);
+    scene.mode(EoirPointingMode::AngleToUa);
+    scene.handle(Input::Poll);
+    assert_eq!(scene.machine.states[&1].shown, EoirPointingMode::AngleToUa);
+    scene.world.sent_to(0);
+    // As PX4's navigator leaves it.
+    scene.report(1, manager([0, 0]));
+    let sent = scene.world.sent_to(0);
+    let says = |message: &&Message| match message {
+        Message::SubsystemStatusAlert(alert) => alert
+            .text
+            .as_ref()
+            .is_some_and(|text| text.as_str().contains("controlled by nobody")),
+        _ => false,
+    };
+    assert_eq!(sent.iter().filter(says).count(), 1, "{sent:?}");
+    assert_eq!(scene.machine.states[&1].shown, EoirPointingMode::NoValue);
+    scene.report(1, manager([0, 0]));
+    assert!(scene.world.sent_to(0).is_empty(), "once");
+    assert_eq!(scene.command(steer(-30.0)), [AckType::Received]);
+    let control = MavCmd::MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE;
+    assert_eq!(scene.accept(1), [control]);
+    scene.later(0.5);
+    scene.report(1, manager([245, 190]));
+    assert_eq!(
+        scene.accept(1),
+        [MavCmd::MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW]
+    );
+    scene.later(0.2);
+    scene.report(GIMBAL, looking(30.0));
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    assert_eq!(scene.machine.states[&1].shown, EoirPointingMode::AngleToUa);
+}
+
+#[test]
 fn rates_end_once_another_steers_the_gimbal() {
     let mut scene = Scene::new();
     turning(&mut scene);
