@@ -113,9 +113,19 @@ pub fn sight_to(from: Place, to: Place) -> LineOfSight {
 /// The attitude, w first, of a gimbal with a level horizon that looks along this, from north.
 #[must_use]
 pub fn looking_along([north, east, down]: LineOfSight) -> [f64; 4] {
-    let (pitch, yaw) = ((-down).clamp(-1.0, 1.0).asin(), east.atan2(north));
-    let ((sp, cp), (sy, cy)) = ((pitch / 2.0).sin_cos(), (yaw / 2.0).sin_cos());
-    [cp * cy, -sp * sy, sp * cy, cp * sy]
+    quaternion([0.0, (-down).clamp(-1.0, 1.0).asin(), east.atan2(north)])
+}
+
+/// The quaternion, w first, of roll, pitch and yaw.
+#[must_use]
+pub fn quaternion(angles: [f64; 3]) -> [f64; 4] {
+    let [(sr, cr), (sp, cp), (sy, cy)] = angles.map(|angle| (angle / 2.0).sin_cos());
+    [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ]
 }
 
 /// The angle between two lines of sight, rad.

@@ -4,6 +4,8 @@
 //! that is silent points nowhere that is known.
 
 use std::collections::BTreeMap;
+use std::f64::consts::{PI, TAU};
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use mavlink_link::dialect::{
@@ -11,7 +13,7 @@ use mavlink_link::dialect::{
     MavMessage, MavType, StorageStatus, VideoStreamStatusFlags,
 };
 
-use super::pointing::{Direction, Frame, GimbalAttitude};
+use super::pointing::{Direction, Frame, GimbalAttitude, quaternion};
 
 /// Everything that reports as a payload of one vehicle.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -29,8 +31,39 @@ pub struct Gimbal {
     pub regard: Option<Regard>,
     /// GIMBAL_MANAGER_STATUS: system and component in primary control, 0 and 0 where nobody is; and when it came.
     pub control: Option<(Duration, [u8; 2])>,
-    /// GIMBAL_DEVICE_ATTITUDE_STATUS, and when it came.
+    /// GIMBAL_DEVICE_ATTITUDE_STATUS, and when it came; of a gimbal on the autopilot's outputs MOUNT_ORIENTATION.
     pub attitude: Option<(Duration, GimbalAttitude)>,
+    /// Of a gimbal on the autopilot's outputs: when they were reported last, by the autopilot's clock, ms, and their roll, pitch and
+    /// yaw.
+    outputs: Option<(Duration, u32, [f64; 3])>,
+}
+
+impl Gimbal {
+    /// Whether it is on outputs of the autopilot, which are relative to the vehicle's body.
+    #[must_use]
+    pub fn is_on_outputs(&self) -> bool {
+        self.outputs.is_some()
+    }
+
+    /// MOUNT_ORIENTATION.
+    fn note_outputs(&mut self, now: Duration, boot_ms: u32, angles: [f64; 3]) {
+        let before = self.outputs.replace((now, boot_ms, angles));
+        let rates = before.and_then(|(_, before_ms, before)| {
+            let span = f64::from(boot_ms.wrapping_sub(before_ms)) / 1e3;
+            let ([_, pitch, yaw], [_, was_pitch, was_yaw]) = (angles, before);
+            let turned = [pitch - was_pitch, (yaw - was_yaw + PI).rem_euclid(TAU) - PI];
+            (0.0 < span && span < 1.0).then(|| turned.map(|angle| angle / span))
+        });
+        let attitude = GimbalAttitude {
+            q: quaternion(angles),
+            frame: Frame::Body,
+            retracted: false,
+            neutral: false,
+            rates,
+            vehicle_ms: Some(boot_ms),
+        };
+        self.attitude = Some((now, attitude));
+    }
 }
 
 /// What a gimbal can do (GIMBAL_MANAGER_INFORMATION); angles in rad.
@@ -176,6 +209,10 @@ impl Equipment {
 
 impl Payloads {
     /// Takes a message of a component of the vehicle's system. `vehicle_ms`: the vehicle's time since boot, as far as it has shown it.
+    #[allow(
+        deprecated,
+        reason = "MOUNT_ORIENTATION, by which PX4 reports its own outputs"
+    )]
     pub fn update(
         &mut self,
         now: Duration,
@@ -221,6 +258,12 @@ impl Payloads {
                     return;
                 }
                 if let Some(gimbal) = self.gimbal_mut(device) {
+                    // PX4 reports the set point of its own outputs as their attitude, also of an axis that does not move: one that is
+                    // to be locked, and not stabilised by MNT_DO_STAB (OutputRC::_stream_device_attitude_status).
+                    if (gimbal.outputs).is_some_and(|(at, ..)| now.saturating_sub(at) < STANDS_FOR)
+                    {
+                        return;
+                    }
                     let attitude = GimbalAttitude {
                         q,
                         frame: match (north, locked) {
@@ -229,11 +272,23 @@ impl Payloads {
                             (false, false) => Frame::Body,
                         },
                         retracted: flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_RETRACT),
-                        neutral: flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_NEUTRAL),
+                        // PX4 says so of a gimbal of protocol v1 all the time (OutputMavlinkV1).
+                        neutral: flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_NEUTRAL)
+                            && !DRIVEN.contains(&device),
                         rates: rates.iter().all(|rate| rate.is_finite()).then_some(rates),
                         vehicle_ms,
                     };
                     gimbal.attitude = Some((now, attitude));
+                }
+            }
+            MavMessage::MOUNT_ORIENTATION(m) => {
+                let angles = [m.roll, m.pitch, m.yaw].map(|angle| f64::from(angle).to_radians());
+                // A gimbal that is a component of its own may send it too.
+                let driven = self.gimbals.get_mut(&ON_OUTPUTS);
+                if let Some(gimbal) = driven.filter(|one| one.manager == Some(component))
+                    && angles.iter().all(|angle| angle.is_finite())
+                {
+                    gimbal.note_outputs(now, m.time_boot_ms, angles);
                 }
             }
             other => self.update_camera(now, component, other),
@@ -434,6 +489,11 @@ fn level(percent: f32) -> Option<f64> {
         .then_some(f64::from(percent))
 }
 
+/// Gimbal device ids of an autopilot that drives a gimbal itself, and that of PX4's outputs.
+const DRIVEN: RangeInclusive<u8> = 1..=6;
+const ON_OUTPUTS: u8 = 1;
+/// What the outputs were reported to be stands for this long.
+const STANDS_FOR: Duration = Duration::from_secs(5);
 /// Half a degree, rad: a step of the wire, and what a gimbal rounds.
 const SLACK: f64 = 0.009;
 /// Streams of each camera that are kept.
@@ -442,9 +502,11 @@ const MAX_STREAMS: u8 = 8;
 const MAX_DEVICES: usize = 32;
 
 #[cfg(test)]
+#[allow(deprecated, reason = "MOUNT_ORIENTATION")]
 mod tests {
     use mavlink_link::dialect::{
         GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GIMBAL_MANAGER_STATUS_DATA, HEARTBEAT_DATA,
+        MOUNT_ORIENTATION_DATA,
     };
 
     use super::*;
@@ -509,6 +571,61 @@ mod tests {
             camera: None,
         };
         assert_eq!(payloads.stations(&[configured]), [configured]);
+    }
+
+    /// PX4's set point, as the attitude of the gimbal on its outputs.
+    fn set_point() -> MavMessage {
+        let half = std::f32::consts::FRAC_PI_8;
+        MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(GIMBAL_DEVICE_ATTITUDE_STATUS_DATA {
+            q: [half.cos(), 0.0, 0.0, half.sin()],
+            flags: GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_NEUTRAL
+                | GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_LOCK,
+            gimbal_device_id: 1,
+            ..GIMBAL_DEVICE_ATTITUDE_STATUS_DATA::default()
+        })
+    }
+
+    fn outputs(time_boot_ms: u32, yaw: f32) -> MavMessage {
+        MavMessage::MOUNT_ORIENTATION(MOUNT_ORIENTATION_DATA {
+            time_boot_ms,
+            yaw,
+            ..MOUNT_ORIENTATION_DATA::default()
+        })
+    }
+
+    #[test]
+    fn a_gimbal_on_outputs_is_where_they_are_and_not_where_it_is_to_be() {
+        let mut payloads = Payloads::default();
+        let status = MavMessage::GIMBAL_MANAGER_STATUS(GIMBAL_MANAGER_STATUS_DATA {
+            gimbal_device_id: 1,
+            ..GIMBAL_MANAGER_STATUS_DATA::default()
+        });
+        payloads.update(NOW, None, 1, &status);
+        let yaw = |payloads: &Payloads| {
+            let gimbal = payloads.gimbal(Some(1)).expect("a gimbal");
+            let (_, attitude) = gimbal.attitude.expect("an attitude");
+            let [_, _, yaw] = super::super::pointing::euler(attitude.q);
+            (attitude.frame, yaw.to_degrees().round(), attitude.rates)
+        };
+        payloads.update(NOW, None, 1, &set_point());
+        assert_eq!(yaw(&payloads), (Frame::North, 45.0, Some([0.0; 2])));
+        let attitude = payloads.gimbal(Some(1)).and_then(|one| one.attitude);
+        assert!(attitude.is_some_and(|(_, attitude)| !attitude.neutral));
+        // A gimbal of its own says nothing of them.
+        payloads.update(NOW, None, 154, &outputs(100, -80.0));
+        assert_eq!(yaw(&payloads).1, 45.0);
+        payloads.update(NOW, None, 1, &outputs(100, 10.0));
+        payloads.update(NOW, None, 1, &set_point());
+        assert_eq!(yaw(&payloads), (Frame::Body, 10.0, None));
+        payloads.update(NOW, None, 1, &outputs(300, 12.0));
+        let (_, _, rates) = yaw(&payloads);
+        let [pitch, turn] = rates.expect("two reports");
+        assert!(
+            pitch == 0.0 && (turn.to_degrees() - 10.0).abs() < 1e-3,
+            "{turn}"
+        );
+        payloads.update(NOW + STANDS_FOR, None, 1, &set_point());
+        assert_eq!(yaw(&payloads).1, 45.0, "without them it is all there is");
     }
 
     #[test]

@@ -255,6 +255,7 @@ impl VehicleLink {
 }
 
 /// Whether a message is about a gimbal or a camera, whichever component of the vehicle sends it.
+#[allow(deprecated, reason = "MOUNT_ORIENTATION, which PX4 sends")]
 pub(crate) fn is_of_payload(message: &MavMessage) -> bool {
     use MavMessage as M;
     match message {
@@ -262,6 +263,7 @@ pub(crate) fn is_of_payload(message: &MavMessage) -> bool {
         M::GIMBAL_MANAGER_INFORMATION(_)
         | M::GIMBAL_MANAGER_STATUS(_)
         | M::GIMBAL_DEVICE_ATTITUDE_STATUS(_)
+        | M::MOUNT_ORIENTATION(_)
         | M::CAMERA_INFORMATION(_)
         | M::CAMERA_SETTINGS(_)
         | M::CAMERA_CAPTURE_STATUS(_)

@@ -42,7 +42,7 @@ impl Discovery {
         self.before = before;
         let payloads = &context.vehicle.payloads;
         let autopilot = effects.vehicle.autopilot().component;
-        for (_, gimbal) in payloads.gimbals() {
+        for (device, gimbal) in payloads.gimbals() {
             let manager = gimbal.manager.unwrap_or(autopilot);
             if gimbal.regard.is_none() {
                 self.request(manager, GIMBAL_MANAGER_INFORMATION, AGAIN, context, effects);
@@ -50,6 +50,9 @@ impl Discovery {
             if manager == autopilot {
                 // PX4 sends it every 2 s, which is too seldom to confirm a change of control.
                 effects.vehicle.request_rate(GIMBAL_MANAGER_STATUS, 2.0);
+                if device == ON_OUTPUTS {
+                    effects.vehicle.request_rate(MOUNT_ORIENTATION, 5.0);
+                }
             }
         }
         for (component, camera) in payloads.cameras() {
@@ -158,3 +161,6 @@ const AGAIN: Duration = Duration::from_secs(2);
 const SELDOM: Duration = Duration::from_secs(60);
 const MAX_REFUSALS: u32 = 5;
 const GIMBAL_MANAGER_STATUS: u32 = 281;
+/// Where PX4's own outputs stand, which have this gimbal device id.
+const MOUNT_ORIENTATION: u32 = 265;
+const ON_OUTPUTS: u8 = 1;

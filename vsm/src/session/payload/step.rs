@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use mapping::payload::Direction;
 use mapping::payload::pointing::{
-    GimbalAttitude, between, direction, euler, line_of_sight, looking_along, sight_of, sight_to,
+    GimbalAttitude, between, direction, euler, line_of_sight, looking_along, quaternion, sight_of,
+    sight_to,
 };
 use mapping::payload::report::Station;
 use mapping::telemetry::{Place, Telemetry};
@@ -470,8 +471,15 @@ impl Motion {
                 (flags, [f32::NAN; 4], rates)
             }
             Motion::Stare(place) => {
-                let q = looking_along(sight_to(telemetry.position?, place));
-                (locked, q.map(|part| part as f32), [f32::NAN; 3])
+                let sight = sight_to(telemetry.position?, place);
+                // PX4 does not move an output whose axis is to be locked and is not stabilised (MNT_DO_STAB).
+                let (flags, q) = if station.gimbal?.is_on_outputs() {
+                    let at = direction(sight, telemetry.attitude.as_ref()?);
+                    (F::empty(), quaternion([0.0, at.elevation, at.azimuth]))
+                } else {
+                    (locked, looking_along(sight))
+                };
+                (flags, q.map(|part| part as f32), [f32::NAN; 3])
             }
         };
         let (target_system, target_component) = (vehicle.system, manager(station)?);

@@ -1,12 +1,17 @@
 //! The machine without the others: refusals with their reasons, what is sent for a command, and what ends it.
 
+#![allow(
+    deprecated,
+    reason = "MOUNT_ORIENTATION, by which PX4 reports its own outputs"
+)]
+
 use mapping::telemetry::{Attitude, Place};
 use mavlink_link::dialect::{
     CAMERA_CAPTURE_STATUS_DATA, CAMERA_INFORMATION_DATA, CAMERA_SETTINGS_DATA, COMMAND_ACK_DATA,
     CameraCapFlags, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GIMBAL_MANAGER_INFORMATION_DATA,
     GIMBAL_MANAGER_SET_ATTITUDE_DATA, GIMBAL_MANAGER_STATUS_DATA, GimbalDeviceFlags,
-    GimbalManagerCapFlags, GimbalManagerFlags, HEARTBEAT_DATA, MavCmd, MavMessage, MavType,
-    STORAGE_INFORMATION_DATA, StorageStatus,
+    GimbalManagerCapFlags, GimbalManagerFlags, HEARTBEAT_DATA, MOUNT_ORIENTATION_DATA, MavCmd,
+    MavMessage, MavType, STORAGE_INFORMATION_DATA, StorageStatus,
 };
 use mavlink_link::service::Node;
 use mavlink_link::service::command::Command;
@@ -551,6 +556,57 @@ fn a_place_is_looked_at_without_a_command_that_turns_the_vehicle() {
     scene.later(1.0);
     scene.handle(Input::Poll);
     assert_eq!(attitudes(&mut scene), [], "nobody holds it");
+}
+
+/// PX4 moves no output whose axis is to be locked and is not stabilised, and reports it as if it did.
+#[test]
+fn a_gimbal_on_the_autopilots_outputs_is_pointed_from_the_vehicle_and_looks_where_they_are() {
+    let mut scene = Scene::new();
+    scene.world.vehicle.payloads = mapping::payload::state::Payloads::default();
+    let attitude = scene.world.vehicle.telemetry.attitude.as_mut();
+    attitude.expect("one").yaw = std::f64::consts::FRAC_PI_2;
+    let status = GIMBAL_MANAGER_STATUS_DATA {
+        gimbal_device_id: 1,
+        primary_control_sysid: 245,
+        primary_control_compid: 190,
+        ..GIMBAL_MANAGER_STATUS_DATA::default()
+    };
+    let outputs = |pitch, yaw| {
+        MavMessage::MOUNT_ORIENTATION(MOUNT_ORIENTATION_DATA {
+            pitch,
+            yaw,
+            ..MOUNT_ORIENTATION_DATA::default()
+        })
+    };
+    scene.report(1, MavMessage::GIMBAL_MANAGER_STATUS(status));
+    scene.report(1, outputs(0.0, 0.0));
+    scene.accept(1);
+    scene.mode(EoirPointingMode::LatLongSlaved);
+    // 100 m north, 100 m below; its nose is to the east.
+    let stare = PayloadSteeringCommand {
+        latitude: Some(Bam32::from_degrees(47.4 + 100.0 / 111_195.0)),
+        longitude: Some(Bam32::from_degrees(8.5)),
+        altitude: Some(Scaled::saturating_from_si(0.0)),
+        altitude_type: Some(stanag_msgs::enums::AltitudeType::Agl),
+        ..steer(0.0)
+    };
+    assert_eq!(scene.command(stare), [AckType::Received]);
+    let sent = attitudes(&mut scene);
+    assert!(sent[0].flags.is_empty());
+    let [_, pitch, yaw] = mapping::payload::pointing::euler(sent[0].q.map(f64::from));
+    let rounded = [pitch, yaw].map(|angle| angle.to_degrees().round());
+    assert_eq!(rounded, [-45.0, -90.0]);
+    scene.later(0.3);
+    let MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(mut set_point) = looking(45.0) else {
+        unreachable!("its own message")
+    };
+    set_point.gimbal_device_id = 1;
+    set_point.flags = GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_LOCK
+        | GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_PITCH_LOCK;
+    scene.report(1, MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(set_point));
+    assert_eq!(scene.answers(), [], "where it is to look");
+    scene.report(1, outputs(-45.0, -90.0));
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
 }
 
 #[test]
