@@ -341,7 +341,7 @@ impl Commander {
             Gesture::Arm => {
                 self.arm("stick gesture", facts, notes);
             }
-            // In the air it is ignored, and no text says so.
+            // In the air it is ignored, without a text.
             Gesture::Disarm if facts.landed => {
                 self.disarm("stick gesture", false, facts, notes);
             }

@@ -97,51 +97,79 @@ enum Area {
     Polygon(Vec<Ned>),
 }
 
-/// The areas of a fence plan.
+/// The areas of a fence plan, as PX4 v1.18 reads them (geofence.cpp).
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Fence {
-    keep_in: Vec<Area>,
-    keep_out: Vec<Area>,
+pub(crate) struct Fence(Vec<Bound>);
+
+#[derive(Debug, Clone)]
+struct Bound {
+    keep_in: bool,
+    area: Area,
 }
 
 impl Fence {
-    /// The areas in the stored items; an incomplete area is left out.
+    /// The areas in the stored items. After a circle PX4 takes every corner of a polygon for the first one of a polygon of its own,
+    /// with as many corners: one that would end beyond the items has no inside.
     pub(crate) fn new(items: &[Item], frame: &LocalFrame) -> Self {
-        let mut fence = Self::default();
+        let mut bounds = Vec::new();
         let place = |item: &Item| frame.to_local(Geodetic::from_e7(item.x, item.y, 0.0));
-        let mut i = 0;
+        let (mut i, mut circle_before) = (0, false);
         while let Some(item) = items.get(i) {
-            let side = match item.command {
-                5001 | 5003 => &mut fence.keep_in,
-                5002 | 5004 => &mut fence.keep_out,
+            let is_circle = matches!(item.command, 5003 | 5004);
+            circle_before |= is_circle;
+            let corners = (item.params[0] as usize).max(1);
+            let area = match item.command {
+                5003 | 5004 => Area::Circle {
+                    centre: place(item),
+                    radius: f64::from(item.params[0]),
+                },
+                5001 | 5002 => {
+                    let of = items.get(i..i.saturating_add(corners)).unwrap_or_default();
+                    Area::Polygon(of.iter().map(place).collect())
+                }
                 _ => {
                     i += 1;
                     continue;
                 }
             };
-            if matches!(item.command, 5003 | 5004) {
-                side.push(Area::Circle {
-                    centre: place(item),
-                    radius: f64::from(item.params[0]),
-                });
-                i += 1;
-            } else {
-                let corners = (item.params[0] as usize).clamp(1, items.len() - i);
-                side.push(Area::Polygon(
-                    items[i..i + corners].iter().map(place).collect(),
-                ));
-                i += corners;
-            }
+            bounds.push(Bound {
+                keep_in: matches!(item.command, 5001 | 5003),
+                area,
+            });
+            i = i.saturating_add(if circle_before { 1 } else { corners });
         }
-        fence
+        Self(bounds)
     }
 
     /// Whether a place is inside every inclusion area and outside every exclusion area.
     pub(crate) fn allows(&self, at: Ned) -> bool {
-        (self.keep_in.is_empty() || self.keep_in.iter().any(|a| a.contains(at)))
-            && !self.keep_out.iter().any(|a| a.contains(at))
+        self.0.iter().all(|bound| bound.allows(at))
+    }
+
+    /// Leaves out each area that home, or a vehicle in the air where it is `flown`, would breach. Returns PX4's texts about them.
+    pub(crate) fn leave_out(&mut self, home: Option<Ned>, flown: Option<Ned>) -> Vec<&'static str> {
+        let mut texts = Vec::new();
+        self.0.retain(|bound| {
+            let before = texts.len();
+            for (at, text) in [(home, WITHOUT_HOME), (flown, WITHOUT_VEHICLE)] {
+                if at.is_some_and(|at| !bound.allows(at)) {
+                    texts.push(text);
+                }
+            }
+            texts.len() == before
+        });
+        texts
     }
 }
+
+impl Bound {
+    fn allows(&self, at: Ned) -> bool {
+        self.area.contains(at) == self.keep_in
+    }
+}
+
+const WITHOUT_HOME: &str = "Geofence invalid, doesn't contain Home position\t";
+const WITHOUT_VEHICLE: &str = "Geofence invalid, doesn't contain current vehicle position\t";
 
 impl Area {
     fn contains(&self, at: Ned) -> bool {
@@ -192,7 +220,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_square_keeps_in_and_a_circle_keeps_out() {
+    fn areas_bound_as_px4_reads_them() {
         let frame = LocalFrame::new(Geodetic {
             latitude_deg: 47.0,
             longitude_deg: 8.0,
@@ -208,18 +236,43 @@ mod tests {
                 ..Item::default()
             }
         };
-        let fence = Fence::new(
-            &[
-                item(5001, 4.0, 100.0, 100.0),
-                item(5001, 4.0, 100.0, -100.0),
-                item(5001, 4.0, -100.0, -100.0),
-                item(5001, 4.0, -100.0, 100.0),
-                item(5004, 20.0, 50.0, 50.0),
-            ],
-            &frame,
-        );
-        assert!(fence.allows(Ned::new(-50.0, 10.0, 0.0)));
-        assert!(!fence.allows(Ned::new(-150.0, 10.0, 0.0)));
+        let square = |command| {
+            [
+                (100.0, 100.0),
+                (100.0, -100.0),
+                (-100.0, -100.0),
+                (-100.0, 100.0),
+            ]
+            .map(|(n, e)| item(command, 4.0, n, e))
+        };
+        let of = |items: &[Item]| Fence::new(items, &frame);
+        let [inside, outside] = [-50.0, -150.0].map(|n| Ned::new(n, 10.0, 0.0));
+        let circle = item(5004, 20.0, 50.0, 50.0);
+        let items = [&square(5001)[..], &[circle][..]].concat();
+        let fence = of(&items);
+        assert!(fence.allows(inside));
+        assert!(!fence.allows(outside));
         assert!(!fence.allows(Ned::new(55.0, 45.0, 0.0)));
+
+        // Of two areas to stay inside both bind.
+        let near = [item(5003, 100.0, 100.0, 10.0)];
+        let items = [&square(5001)[..], &near[..]].concat();
+        assert!(!of(&items).allows(inside));
+        assert!(!of(&items).allows(Ned::new(120.0, 10.0, 0.0)));
+        assert!(of(&items).allows(Ned::new(50.0, 10.0, 0.0)));
+
+        // A polygon after a circle is four, of which three are whole no more.
+        let items = [&[circle][..], &square(5001)[..]].concat();
+        let mut fence = of(&items);
+        assert!(!fence.allows(inside));
+        assert_eq!(fence.leave_out(Some(inside), None), [WITHOUT_HOME; 3]);
+        assert!(fence.allows(inside) && !fence.allows(outside));
+
+        let mut fence = of(&square(5002));
+        assert!(fence.leave_out(Some(outside), Some(outside)).is_empty());
+        assert!(!fence.allows(inside));
+        let texts = fence.leave_out(Some(outside), Some(inside));
+        assert_eq!(texts, [WITHOUT_VEHICLE]);
+        assert!(fence.allows(inside));
     }
 }

@@ -327,6 +327,16 @@ const KNOWN: &[Known] = &[
         CRITICAL,
         "Orbit radius limit exceeded",
     ),
+    known(
+        "navigator_geofence_invalid_against_home",
+        CRITICAL,
+        "Geofence invalid, doesn't contain Home position",
+    ),
+    known(
+        "navigator_geofence_invalid_against_cur_pos",
+        CRITICAL,
+        "Geofence invalid, doesn't contain current vehicle position",
+    ),
     with(
         Kind::Int,
         "",

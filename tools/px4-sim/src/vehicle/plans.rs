@@ -5,6 +5,7 @@ use std::time::Duration;
 use mavlink::dialects::development::{MavMissionType, MavSeverity};
 
 use super::state::Vehicle;
+use crate::config::Param;
 use crate::flight::items::Fence;
 use crate::flight::mode::Mode;
 use crate::physics::airframe::Tuning;
@@ -16,6 +17,10 @@ impl Vehicle {
         let now = self.now_duration();
         if self.missions.poll_timeout().is_some_and(|at| at <= now) {
             self.missions.handle_timeout(now);
+        }
+        if self.fence_unread && self.fence_read_at <= now {
+            self.fence_unread = false;
+            self.judge_fence();
         }
         if !self.plan_checked && self.home.is_some() && self.fence_read_at <= now {
             self.plan_checked = true;
@@ -85,16 +90,36 @@ impl Vehicle {
             ServerEvent::Stored { kind, .. } => {
                 self.counters.plans_stored += 1;
                 if kind == MavMissionType::MAV_MISSION_TYPE_FENCE {
-                    let items = self.missions.items(kind);
-                    self.fence = Fence::new(items, &self.frame);
-                    let read_in: Duration = items.iter().map(|_| VERTEX_READ_IN).sum();
-                    self.fence_read_at = self.now_duration() + read_in;
-                    self.plan_checked = false;
+                    self.take_fence();
                 }
                 if kind == MavMissionType::MAV_MISSION_TYPE_RALLY {
                     self.navigator.set_rally(self.missions.items(kind));
                 }
             }
+        }
+    }
+
+    /// The navigator reads a fence of another id, and none that it has read.
+    fn take_fence(&mut self) {
+        let kind = MavMissionType::MAV_MISSION_TYPE_FENCE;
+        let id = self.missions.opaque_id(kind);
+        if std::mem::replace(&mut self.fence_id, id) == id {
+            return;
+        }
+        let items = self.missions.items(kind);
+        self.fence = Fence::new(items, &self.frame);
+        let read_in: Duration = items.iter().map(|_| VERTEX_READ_IN).sum();
+        self.fence_read_at = self.now_duration() + read_in;
+        self.fence_unread = true;
+        self.plan_checked = false;
+    }
+
+    /// It leaves out areas as it reads them: where a home is known, and by the position where it is in the air and GF_ACTION is not 0.
+    fn judge_fence(&mut self) {
+        let is_flown = !self.landed && self.params.int(Param::GF_ACTION) != 0;
+        let flown = is_flown.then(|| self.believed());
+        for text in self.fence.leave_out(self.home, flown) {
+            self.texts.queue(MavSeverity::MAV_SEVERITY_CRITICAL, text);
         }
     }
 

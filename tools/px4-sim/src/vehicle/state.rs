@@ -171,8 +171,11 @@ pub struct Vehicle {
     pub(crate) mission_state: MissionState,
     pub(crate) counters: VehicleCounters,
     pub(crate) fence: Fence,
-    /// When the navigator has read it.
+    /// The id of the fence that the navigator reads or has read.
+    pub(crate) fence_id: u32,
+    /// When it has read it.
     pub(crate) fence_read_at: Duration,
+    pub(crate) fence_unread: bool,
     pub(crate) plan_checked: bool,
     pub(crate) navigated: (Mode, bool),
     pub(crate) course: (Guidance, Heading),
@@ -242,7 +245,9 @@ impl Vehicle {
             mission_state: MissionState::MISSION_STATE_NO_MISSION,
             counters: VehicleCounters::default(),
             fence: Fence::default(),
+            fence_id: 0,
             fence_read_at: Duration::ZERO,
+            fence_unread: false,
             plan_checked: false,
             navigated: (Mode::Loiter, false),
             course: (Guidance::Ground, Heading::Hold),

@@ -84,6 +84,32 @@ fn a_plan_outside_the_fence_is_aboard_but_cannot_be_flown() {
 }
 
 #[test]
+fn an_area_that_home_breaches_is_left_out_until_the_fence_is_another() {
+    let mut flight = Flight::ready();
+    let around = |north| [item(5003, [50.0, 0.0, 0.0, 0.0], north, 0.0, 0.0)];
+    let load = |flight: &mut Flight, north| {
+        let kind = mav::MavMissionType::MAV_MISSION_TYPE_FENCE;
+        assert_eq!(flight.upload_kind(&around(north), kind), Some(0));
+        flight.run(1.5);
+        let left_out = "Geofence invalid, doesn't contain Home position";
+        let texts = flight.texts();
+        texts.iter().filter(|text| text.contains(left_out)).count()
+    };
+    assert_eq!(load(&mut flight, 100.0), 1);
+    // It is not read again.
+    assert_eq!(load(&mut flight, 100.0), 1);
+    assert_eq!(
+        flight.upload(&[takeoff(10.0), waypoint(-100.0, 0.0, 10.0)]),
+        Some(0)
+    );
+    flight.run(1.5);
+    let state = |flight: &Flight| flight.mission_current().mission_state;
+    assert_eq!(state(&flight), MissionState::MISSION_STATE_NOT_STARTED);
+    assert_eq!(load(&mut flight, 0.0), 1);
+    assert_eq!(state(&flight), MissionState::MISSION_STATE_NO_MISSION);
+}
+
+#[test]
 fn an_unknown_command_and_an_unknown_kind_are_answered() {
     let mut flight = Flight::ready();
     let count = |mission_type: u8| {
