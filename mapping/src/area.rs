@@ -5,8 +5,9 @@
 //! | polygon to stay inside, outside | NAV_FENCE_POLYGON_VERTEX_INCLUSION, _EXCLUSION, one item a corner |
 //! | circle to stay inside, outside | NAV_FENCE_CIRCLE_INCLUSION, _EXCLUSION |
 //!
-//! PX4 holds 64 corners in all. Of several areas to stay inside it allows every one: a further one makes the space
-//! larger, so that a CUCS adds none where the configuration has set one.
+//! PX4 holds 64 corners in all. It allows only where all areas to stay inside overlap (geofence.cpp, since v1.15): a further one
+//! makes the space smaller. As it reads its fence it leaves out an area that home breaches, and one that the vehicle breaches in the
+//! air, and it reads a polygon after a circle wrongly: circles come last.
 
 use std::collections::BTreeMap;
 
@@ -87,8 +88,7 @@ impl Bound {
     }
 }
 
-/// Whether a place, degrees north and east, is outside of all areas to stay inside, where there is one, or inside of one to stay
-/// outside.
+/// Whether a place, degrees north and east, is outside of an area to stay inside, or inside of one to stay outside.
 #[must_use]
 pub fn is_breached(areas: &[Area], at: (f64, f64)) -> bool {
     breaches(&bounds(areas), at)
@@ -109,10 +109,9 @@ fn bounds(areas: &[Area]) -> Vec<Bound> {
 }
 
 fn breaches(bounds: &[Bound], at: (f64, f64)) -> bool {
-    let mut keep_in = bounds.iter().filter(|bound| bound.keep_in).peekable();
-    let outside = keep_in.peek().is_some() && !keep_in.any(|bound| bound.contains(at));
-    let mut keep_out = bounds.iter().filter(|bound| !bound.keep_in);
-    outside || keep_out.any(|bound| bound.contains(at))
+    bounds
+        .iter()
+        .any(|bound| bound.contains(at) != bound.keep_in)
 }
 
 fn outline(corners: &[(f64, f64)]) -> Polygon {
@@ -294,16 +293,25 @@ pub struct FencePoint {
     pub item: Item,
 }
 
+/// The vehicle that is to hold a fence, as far as it is known.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Holder {
+    /// Its position, degrees north and east.
+    pub position: Option<(f64, f64)>,
+    /// Its home.
+    pub home: Option<(f64, f64)>,
+    /// Whether it is one that allows every area to stay inside, as PX4 before v1.15: there a further one makes the space larger.
+    pub unites: bool,
+}
+
 /// The fence of the configured areas and those of a CUCS, checked: what is sent to PX4.
-///
-/// `vehicle` is its position, where it is known.
 ///
 /// # Errors
 /// The first area that cannot be flown with, and its vertex.
 pub fn fence(
     configured: &[Area],
     sent: &[(u16, Area)],
-    vehicle: Option<(f64, f64)>,
+    holder: &Holder,
 ) -> Result<Vec<FencePoint>, AreaError> {
     let all = configured.iter().map(|area| (0, area));
     let all: Vec<(u16, &Area)> = all
@@ -316,7 +324,7 @@ pub fn fence(
             vertex,
             reason,
         };
-        if *id != 0 && area.keep_in && configured.iter().any(|area| area.keep_in) {
+        if holder.unites && *id != 0 && area.keep_in && configured.iter().any(|area| area.keep_in) {
             return Err(fault(None, Reason::Widens));
         }
         if let Shape::Polygon(corners) = &area.shape {
@@ -328,10 +336,11 @@ pub fn fence(
                 return Err(fault(None, Reason::Outline));
             }
         }
-        if let (Some(at), false) = (vehicle, area.keep_in)
-            && area.contains(at)
-        {
-            return Err(fault(None, Reason::Breached("inside")));
+        for (who, place) in [("the vehicle", holder.position), ("home", holder.home)] {
+            if place.is_some_and(|at| area.contains(at) != area.keep_in) {
+                let side = if area.keep_in { "outside" } else { "inside" };
+                return Err(fault(None, Reason::Breached(who, side)));
+            }
         }
         let room = MAX_VERTICES - items.len();
         let new = area.items();
@@ -345,16 +354,7 @@ pub fn fence(
             item,
         }));
     }
-    let inside: Vec<_> = all.iter().filter(|(_, area)| area.keep_in).collect();
-    if let (Some(at), Some((id, _))) = (vehicle, inside.last())
-        && !inside.iter().any(|(_, area)| area.contains(at))
-    {
-        return Err(AreaError {
-            area: *id,
-            vertex: None,
-            reason: Reason::Breached("outside"),
-        });
-    }
+    items.sort_by_key(|point| point.item.command >= CIRCLE_INCLUSION);
     Ok(items)
 }
 
@@ -436,11 +436,13 @@ pub enum Reason {
     #[error("{0} vertices with the areas before it, the vehicle holds 64")]
     TooMany(usize),
     /// It would make the configured space larger.
-    #[error("areas to stay inside are set by the configuration of this VSM")]
+    #[error(
+        "areas to stay inside are set by the configuration of this VSM, and this vehicle allows every one of them, as PX4 before v1.15"
+    )]
     Widens,
-    /// The vehicle would break the fence where it is.
-    #[error("the vehicle is currently {0} it")]
-    Breached(&'static str),
+    /// The vehicle, or its home, is on the wrong side of it.
+    #[error("{0} is currently {1} it: PX4 leaves such an area out")]
+    Breached(&'static str, &'static str),
     /// Nothing at all to load.
     #[error("no area has been received (50016)")]
     None,
@@ -470,6 +472,18 @@ mod tests {
 
     const CORNERS: [(f64, f64); 4] = [(47.0, 8.0), (47.0, 8.1), (47.1, 8.1), (47.1, 8.0)];
 
+    /// A vehicle at a place, and nothing else is known.
+    fn at(position: (f64, f64)) -> Holder {
+        Holder {
+            position: Some(position),
+            ..Holder::default()
+        }
+    }
+
+    fn unknown() -> Holder {
+        Holder::default()
+    }
+
     fn square(kind: AreaType) -> Areas {
         let mut areas = Areas::default();
         // In any order.
@@ -488,7 +502,7 @@ mod tests {
             ..vertex(8, AreaType::KeepOutCircle, 1, 1, (47.05, 8.05))
         };
         areas.store(&circle).unwrap();
-        let items = fence(&[], &areas.whole().unwrap(), Some((47.01, 8.01))).unwrap();
+        let items = fence(&[], &areas.whole().unwrap(), &at((47.01, 8.01))).unwrap();
         let reported: Vec<_> = items
             .iter()
             .map(|point| (point.item.command, point.item.params[0]))
@@ -559,29 +573,58 @@ mod tests {
             let triangle = vertex(7, AreaType::KeepInPolygon, 3, number, at);
             areas.store(&triangle).unwrap();
         }
-        assert_eq!(fence(&[], &areas.whole().unwrap(), None).unwrap().len(), 3);
+        assert_eq!(
+            fence(&[], &areas.whole().unwrap(), &unknown())
+                .unwrap()
+                .len(),
+            3
+        );
     }
 
     #[test]
     fn a_fence_that_the_vehicle_breaks_already_is_refused() {
         let stays_in = square(AreaType::KeepInPolygon).whole().unwrap();
         let stays_out = square(AreaType::KeepOutPolygon).whole().unwrap();
-        let inside = Some((47.05, 8.05));
-        let outside = Some((47.2, 8.05));
-        assert!(fence(&[], &stays_in, inside).is_ok());
+        let (inside, outside) = (at((47.05, 8.05)), at((47.2, 8.05)));
+        let breached = |who, side| Err(Reason::Breached(who, side));
+        let of = |areas: &[(u16, Area)], holder: Holder| {
+            let made = fence(&[], areas, &holder);
+            made.map(|_| ()).map_err(|fault| fault.reason)
+        };
+        assert_eq!(of(&stays_in, inside), Ok(()));
+        assert_eq!(of(&stays_in, outside), breached("the vehicle", "outside"));
+        assert_eq!(of(&stays_out, inside), breached("the vehicle", "inside"));
+        assert_eq!(of(&stays_out, outside), Ok(()));
+        // PX4 leaves out what home breaches, and bounds the vehicle by the rest.
+        let home = |holder: Holder, home: Holder| Holder {
+            home: home.position,
+            ..holder
+        };
         assert_eq!(
-            fence(&[], &stays_in, outside).unwrap_err().reason,
-            Reason::Breached("outside")
+            of(&stays_in, home(inside, outside)),
+            breached("home", "outside")
         );
         assert_eq!(
-            fence(&[], &stays_out, inside).unwrap_err().reason,
-            Reason::Breached("inside")
+            of(&stays_out, home(outside, inside)),
+            breached("home", "inside")
         );
-        assert!(fence(&[], &stays_out, outside).is_ok());
+        // And it allows only where both overlap.
+        let beyond = Area {
+            keep_in: true,
+            shape: Shape::Circle {
+                centre: (47.2, 8.05),
+                radius_m: 1000.0,
+            },
+        };
+        let two = [stays_in, vec![(8, beyond)]].concat();
+        assert_eq!(of(&two, unknown()), Ok(()));
+        for holder in [inside, outside] {
+            assert_eq!(of(&two, holder), breached("the vehicle", "outside"));
+        }
     }
 
     #[test]
-    fn a_station_cannot_widen_what_the_configuration_sets() {
+    fn a_station_narrows_what_the_configuration_sets_and_does_not_widen_it() {
         let area = Area {
             keep_in: true,
             shape: Shape::Circle {
@@ -589,11 +632,49 @@ mod tests {
                 radius_m: 500.0,
             },
         };
+        let configured = std::slice::from_ref(&area);
         let stays_in = square(AreaType::KeepInPolygon).whole().unwrap();
-        let fault = fence(std::slice::from_ref(&area), &stays_in, None).unwrap_err();
+        assert_eq!(fence(configured, &stays_in, &unknown()).unwrap().len(), 5);
+        let unites = Holder {
+            unites: true,
+            ..Holder::default()
+        };
+        let fault = fence(configured, &stays_in, &unites).unwrap_err();
         assert_eq!((fault.area, fault.reason), (7, Reason::Widens));
         let stays_out = square(AreaType::KeepOutPolygon).whole().unwrap();
-        assert_eq!(fence(&[area], &stays_out, None).unwrap().len(), 5);
+        assert_eq!(fence(configured, &stays_out, &unites).unwrap().len(), 5);
+        let both = square(AreaType::KeepInPolygon).with(configured);
+        assert!(!is_breached(&both, (47.05, 8.05)));
+        assert!(is_breached(&both, (47.01, 8.05)), "in one of them");
+    }
+
+    #[test]
+    fn circles_come_last() {
+        let circle = |keep_in| Area {
+            keep_in,
+            shape: Shape::Circle {
+                centre: (47.05, 8.05),
+                radius_m: 500.0,
+            },
+        };
+        let mut sent = square(AreaType::KeepOutPolygon).whole().unwrap();
+        sent.insert(0, (6, circle(false)));
+        let points = fence(&[circle(true)], &sent, &unknown()).unwrap();
+        let order: Vec<_> = points
+            .iter()
+            .map(|point| (point.area, point.vertex, point.item.command))
+            .collect();
+        assert_eq!(
+            order,
+            [
+                (7, 1, 5002),
+                (7, 2, 5002),
+                (7, 3, 5002),
+                (7, 4, 5002),
+                (0, 1, 5003),
+                (6, 1, 5004)
+            ]
+        );
     }
 
     #[test]
@@ -606,7 +687,7 @@ mod tests {
                 .unwrap();
         }
         assert_eq!(
-            fence(&[], &areas.whole().unwrap(), None)
+            fence(&[], &areas.whole().unwrap(), &unknown())
                 .unwrap_err()
                 .reason,
             Reason::Outline
@@ -622,7 +703,7 @@ mod tests {
             }
         };
         let two = [(1, many(8)), (2, many(9))];
-        let fault = fence(&[], &two, None).unwrap_err();
+        let fault = fence(&[], &two, &unknown()).unwrap_err();
         assert_eq!(
             (fault.area, fault.vertex, fault.reason),
             (2, Some(32), Reason::TooMany(66))
@@ -643,7 +724,7 @@ mod tests {
         ];
         for keep_in in [true, false] {
             let area = polygon(keep_in, &corners);
-            let fault = fence(&[], &[(7, area.clone())], Some((-16.7, 179.9995))).unwrap_err();
+            let fault = fence(&[], &[(7, area.clone())], &at((-16.7, 179.9995))).unwrap_err();
             let span_deg = 359.8;
             assert!(
                 matches!(fault.reason, Reason::Across180(found) if (found - span_deg).abs() < 1e-6),
@@ -651,7 +732,10 @@ mod tests {
             );
             assert_eq!((fault.area, fault.vertex), (7, Some(1)));
             let later = polygon(keep_in, &corners[1..]);
-            assert_eq!(fence(&[later], &[], None).unwrap_err().vertex, Some(2));
+            assert_eq!(
+                fence(&[later], &[], &unknown()).unwrap_err().vertex,
+                Some(2)
+            );
         }
         let circle = |centre| Area {
             keep_in: true,
@@ -661,9 +745,9 @@ mod tests {
             },
         };
         let across = [(7, circle((-16.7, -179.9995)))];
-        assert!(fence(&[], &across, Some((-16.7, 179.9995))).is_ok());
+        assert!(fence(&[], &across, &at((-16.7, 179.9995))).is_ok());
         let beside = polygon(true, &[(-16.8, 179.8), (-16.8, 180.0), (-16.6, 180.0)]);
-        assert!(fence(&[beside], &[], None).is_ok());
+        assert!(fence(&[beside], &[], &unknown()).is_ok());
     }
 
     #[test]

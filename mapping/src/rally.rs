@@ -7,7 +7,7 @@
 
 use mavlink_link::service::mission::{FRAME_GLOBAL, FRAME_GLOBAL_RELATIVE, Item};
 
-use crate::area::Area;
+use crate::area::{Area, is_breached};
 use crate::route::degrees_e7;
 
 /// What PX4 holds of them.
@@ -56,12 +56,9 @@ pub fn items(points: &[RallyPoint]) -> Vec<Item> {
 /// The first point, from 0, that these areas of a fence forbid: PX4 does not look at its fence when it chooses one.
 #[must_use]
 pub fn outside(points: &[RallyPoint], areas: &[Area]) -> Option<usize> {
-    let keeps_in = areas.iter().any(|area| area.keep_in);
-    points.iter().position(|point| {
-        let mut over = areas.iter().filter(|area| area.contains(point.place));
-        let left = keeps_in && !areas.iter().any(|a| a.keep_in && a.contains(point.place));
-        left || over.any(|area| !area.keep_in)
-    })
+    points
+        .iter()
+        .position(|point| is_breached(areas, point.place))
 }
 
 /// Whether a vehicle with this RTL_TYPE returns to rally points.
@@ -107,5 +104,7 @@ mod tests {
         assert_eq!(outside(&[POINT], &[circle(true, 47.0, 2_000.0)]), None);
         assert_eq!(outside(&[POINT], &[circle(true, 47.0, 500.0)]), Some(0));
         assert_eq!(outside(&[POINT], &[circle(false, 47.01, 50.0)]), Some(0));
+        let one_of_two = [circle(true, 47.0, 2_000.0), circle(true, 47.0, 500.0)];
+        assert_eq!(outside(&[POINT], &one_of_two), Some(0));
     }
 }

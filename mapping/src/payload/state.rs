@@ -272,7 +272,7 @@ impl Payloads {
                             (false, false) => Frame::Body,
                         },
                         retracted: flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_RETRACT),
-                        // PX4 says so of a gimbal of protocol v1 all the time (OutputMavlinkV1).
+                        // PX4 sets it for a gimbal of protocol v1 all the time (OutputMavlinkV1).
                         neutral: flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_NEUTRAL)
                             && !DRIVEN.contains(&device),
                         rates: rates.iter().all(|rate| rate.is_finite()).then_some(rates),
@@ -611,7 +611,7 @@ mod tests {
         assert_eq!(yaw(&payloads), (Frame::North, 45.0, Some([0.0; 2])));
         let attitude = payloads.gimbal(Some(1)).and_then(|one| one.attitude);
         assert!(attitude.is_some_and(|(_, attitude)| !attitude.neutral));
-        // A gimbal of its own says nothing of them.
+        // A gimbal of its own does not use them.
         payloads.update(NOW, None, 154, &outputs(100, -80.0));
         assert_eq!(yaw(&payloads).1, 45.0);
         payloads.update(NOW, None, 1, &outputs(100, 10.0));

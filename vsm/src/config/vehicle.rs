@@ -1,6 +1,6 @@
 //! `[[vehicle]]`: one vehicle, its link and key, its geofence, and the bounds of what it is commanded to fly.
 
-use mapping::area::{self, Shape};
+use mapping::area::{self, Holder, Shape};
 use serde::Deserialize;
 use stanag_msgs::Id;
 
@@ -495,7 +495,7 @@ pub(super) fn check_areas(areas: &[Area]) -> Result<(), String> {
         }
         all.push(area.area());
     }
-    area::fence(&all, &[], None)
+    area::fence(&all, &[], &Holder::default())
         .map(|_| ())
         .map_err(|fault| fault.reason.to_string())
 }

@@ -227,21 +227,21 @@ fn a_mode_that_ends_the_sticks_is_still_flown_when_the_vehicle_has_missed_them()
         (orders::mode(Mode::Waypoint), Px4::Mission),
         (slowly, Px4::Offboard),
     ] {
-        for they_go_on in [true, false] {
+        for they_continue in [true, false] {
             let mut rig = by_hand();
             let held = sticks(60, 0, 50);
-            let end = if they_go_on {
+            let end = if they_continue {
                 command_while(&mut rig, &held, command.clone())
             } else {
                 rig.carry_out(command.clone())
             };
             let alerts = rig.station().alerts();
             assert_eq!(end, Some(AckType::CarriedOut), "{alerts:?}");
-            let seconds = if they_go_on { 12.0 } else { 0.0 };
+            let seconds = if they_continue { 12.0 } else { 0.0 };
             fly(&mut rig, seconds, &held);
             rig.run(12.0 - seconds);
             let alerts = rig.station().alerts();
-            assert_eq!(rig.truth().mode, flown, "{they_go_on}: {alerts:?}");
+            assert_eq!(rig.truth().mode, flown, "{they_continue}: {alerts:?}");
         }
     }
 }

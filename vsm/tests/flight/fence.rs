@@ -330,6 +330,23 @@ fn configured() -> Setup {
     }
 }
 
+/// Whether the vehicle takes a route that ends so far north of home, in metres; it refuses none for another reason than its fence.
+fn takes_route_to(rig: &mut Rig, north: f64) -> bool {
+    rig.send_plan(vec![
+        orders::route(1).into(),
+        orders::waypoint(1, 2, 80.0, 0.0, 20.0).into(),
+        orders::waypoint(2, 0, north, 0.0, 20.0).into(),
+    ]);
+    let is_taken = rig.carry_out(orders::load()) == Some(AckType::CarriedOut);
+    rig.run(0.5);
+    let alerts = rig.station().alerts();
+    assert!(
+        is_taken || rig.station().has_alert("Geofence violation"),
+        "{alerts:?}"
+    );
+    is_taken
+}
+
 #[test]
 fn areas_of_the_configuration_are_uploaded_before_any_request_and_stay() {
     let mut rig = Rig::ready_with(configured());
@@ -337,17 +354,40 @@ fn areas_of_the_configuration_are_uploaded_before_any_request_and_stay() {
     rig.send_plan(vec![circle(1, AreaType::KeepOutCircle, (200.0, 0.0), 20.0)]);
     rig.done(order(AreaPlanMode::Load));
     assert_eq!(aboard(&rig), [5003, 5004]);
-    // A station cannot widen them, nor take them away.
-    rig.send_plan(vec![circle(2, AreaType::KeepInCircle, (0.0, 0.0), 9_000.0)]);
-    assert_eq!(
-        rig.carry_out(order(AreaPlanMode::Load)),
-        Some(AckType::Refused)
-    );
-    rig.run(0.1);
-    assert!(rig.station().has_alert("set by the configuration"));
-    assert_eq!(aboard(&rig), [5003, 5004]);
+    // A station narrows them; it neither widens them nor takes them away.
+    for (radius_m, north, is_within) in [
+        (9_000.0, 1_000.0, false),
+        (500.0, 600.0, false),
+        (300.0, 250.0, true),
+    ] {
+        rig.send_plan(vec![circle(
+            2,
+            AreaType::KeepInCircle,
+            (0.0, 0.0),
+            radius_m,
+        )]);
+        rig.done(order(AreaPlanMode::Load));
+        assert_eq!(aboard(&rig), [5003, 5004, 5003]);
+        assert_eq!(takes_route_to(&mut rig, north), is_within, "{radius_m}");
+    }
     rig.done(order(AreaPlanMode::Clear));
     assert_eq!(aboard(&rig), [5003]);
+}
+
+/// PX4 reads a polygon after a circle as many, each with corners of what follows.
+#[test]
+fn circles_go_aboard_after_the_polygons_and_every_area_binds() {
+    let mut rig = Rig::ready();
+    let mut areas = vec![circle(1, AreaType::KeepOutCircle, (150.0, 0.0), 40.0)];
+    areas.extend(polygon(2, AreaType::KeepInPolygon, &SQUARE));
+    rig.send_plan(areas);
+    rig.done(order(AreaPlanMode::Load));
+    assert_eq!(aboard(&rig), [5001, 5001, 5001, 5001, 5004]);
+    for (north, is_within) in [(250.0, true), (150.0, false), (350.0, false)] {
+        assert_eq!(takes_route_to(&mut rig, north), is_within, "{north}");
+    }
+    let alerts = rig.station().alerts();
+    assert!(!rig.station().has_alert("Geofence invalid"), "{alerts:?}");
 }
 
 #[test]

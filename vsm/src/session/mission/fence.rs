@@ -6,11 +6,15 @@
 //!
 //! Before any area is sent, it is stored that the vehicle may hold areas of this VSM, as with rally points. So what a restart in
 //! the middle of an upload leaves aboard is replaced after it, or cleared where no area is left.
+//!
+//! PX4 leaves out an area that home breaches as it reads its fence, or the vehicle in the air, and reads a fence again only once its
+//! id is another. None is uploaded with such an area, since the rest would be reported as the whole.
 
 use std::time::Duration;
 
-use mapping::area::{self, Area, AreaError, Areas, FencePoint};
+use mapping::area::{self, Area, AreaError, Areas, FencePoint, Holder};
 use mapping::route::CompiledMission;
+use mapping::telemetry::Place;
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::mission::{self, Item, MavMissionType, plan_id};
 use mavlink_link::store::{Store as _, StoreError};
@@ -170,7 +174,9 @@ impl Fence {
         self.fault = None;
         self.kept.look_again(now);
         // It may have restarted: it judges its mission once it has read its fence again.
-        let aboard = self.points(&self.loaded, None).unwrap_or_default();
+        let aboard = self
+            .points(&self.loaded, &Holder::default())
+            .unwrap_or_default();
         let judged = now + judged_after(&aboard);
         self.read_at = self.read_at.map(|at| at.max(judged));
     }
@@ -225,13 +231,16 @@ impl Fence {
         let (areas, points) = match mode {
             Mode::Load | Mode::Download if self.sent.is_empty() => (Areas::default(), Err(none)),
             Mode::Load => {
-                // Refuse a fence that the vehicle would breach at once.
-                let place = context.vehicle.telemetry.position;
-                let at = place.map(|place| (place.latitude, place.longitude));
-                (self.sent.clone(), self.points(&self.sent, at))
+                let holder = self.holder(context.vehicle);
+                (self.sent.clone(), self.points(&self.sent, &holder))
             }
             // A CUCS can clear only its own areas: those of the configuration are uploaded again without them.
-            Mode::Clear => (Areas::default(), self.points(&Areas::default(), None)),
+            Mode::Clear => {
+                let holder = self.holder(context.vehicle);
+                let none = Areas::default();
+                let points = self.points(&none, &holder);
+                (none, points)
+            }
             Mode::Download => return self.download(context, origin, effects),
             Mode::Unknown(value) => {
                 let why = format!("Area Plan Mode {value}, expected 1 to 3");
@@ -265,7 +274,7 @@ impl Fence {
             effects.advise("areas were sent (50016) and not loaded: the download shows those that were loaded last");
         }
         let id = self
-            .points(&self.loaded, None)
+            .points(&self.loaded, &Holder::default())
             .map(|points| plan_id(&items(&points)));
         if id.ok() != self.kept.named(context) {
             effects.advise("the vehicle does not report the areas of this download as its fence");
@@ -279,8 +288,18 @@ impl Fence {
         });
     }
 
-    fn points(&self, areas: &Areas, at: Option<(f64, f64)>) -> Result<Vec<FencePoint>, AreaError> {
-        area::fence(&self.configured, &areas.whole()?, at)
+    fn points(&self, areas: &Areas, holder: &Holder) -> Result<Vec<FencePoint>, AreaError> {
+        area::fence(&self.configured, &areas.whole()?, holder)
+    }
+
+    fn holder(&self, vehicle: &VehicleState) -> Holder {
+        let at = |place: Place| (place.latitude, place.longitude);
+        Holder {
+            position: vehicle.telemetry.position.map(at),
+            home: vehicle.telemetry.home.map(at),
+            // PX4 before v1.15 has no ids.
+            unites: !self.configured.is_empty() && self.kept.id() == Some(0),
+        }
     }
 
     fn begin(
@@ -353,18 +372,20 @@ impl Fence {
             Seen::Nothing => {}
             Seen::Due => {
                 let areas = self.loaded.clone();
-                match self.points(&areas, None) {
-                    Ok(points) if self.kept.holds(context, &items(&points)) => {
-                        // The record may be new, with areas that were sent before it.
-                        if let Err(why) = self.store_wanted(effects) {
-                            effects.advise(format!("fence: {why}"));
-                        }
+                // What is aboard has been read already, wherever the vehicle and its home are now.
+                let is_aboard = self
+                    .points(&areas, &Holder::default())
+                    .is_ok_and(|points| self.kept.holds(context, &items(&points)));
+                if is_aboard {
+                    // The record may be new, with areas that were sent before it.
+                    if let Err(why) = self.store_wanted(effects) {
+                        effects.advise(format!("fence: {why}"));
                     }
+                    return;
+                }
+                match self.points(&areas, &self.holder(context.vehicle)) {
                     Ok(points) => self.begin(context, None, areas, points, free, effects),
-                    Err(fault) => {
-                        self.fault = Some(fault.to_string());
-                        effects.warn(Cause::Fence, fault.to_string());
-                    }
+                    Err(fault) => self.end(context, None, None, fault.to_string(), effects),
                 }
             }
             Seen::Other => {

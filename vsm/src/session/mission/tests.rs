@@ -1,7 +1,7 @@
 //! The machine without the others: the vehicle's side is played by the test, event by event.
 
 use mapping::altitude::Altimeter;
-use mapping::area::Shape;
+use mapping::area::{Holder, Shape};
 use mapping::rally::{self, Height};
 use mapping::route::{self, Site};
 use mapping::telemetry::{LandedState, MissionProgress, Place};
@@ -105,13 +105,14 @@ fn circle() -> Area {
 
 /// The items of that area alone.
 fn fence_items() -> Vec<Item> {
-    let points = mapping::area::fence(&[circle()], &[], None).expect("a fence");
+    let points = mapping::area::fence(&[circle()], &[], &Holder::default()).expect("a fence");
     points.iter().map(|point| point.item).collect()
 }
 
 /// The vehicle takes this area of the configuration, and has read it; returns the id of its fence.
 fn bounded(world: &mut World, mission: &mut Mission, area: Area) -> u32 {
-    let points = mapping::area::fence(std::slice::from_ref(&area), &[], None).expect("a fence");
+    let points = mapping::area::fence(std::slice::from_ref(&area), &[], &Holder::default())
+        .expect("a fence");
     let items: Vec<Item> = points.iter().map(|point| point.item).collect();
     mission.set_areas(vec![area], world.now.mono);
     handle(world, mission, Input::WatchFence);
@@ -990,11 +991,12 @@ fn a_route_whose_load_for_a_mode_fails_is_named_unless_it_is_the_loaded_one() {
 fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
     let mut world = World::new();
     let circle = circle();
-    let items: Vec<Item> = mapping::area::fence(std::slice::from_ref(&circle), &[], None)
-        .expect("a fence")
-        .iter()
-        .map(|point| point.item)
-        .collect();
+    let items: Vec<Item> =
+        mapping::area::fence(std::slice::from_ref(&circle), &[], &Holder::default())
+            .expect("a fence")
+            .iter()
+            .map(|point| point.item)
+            .collect();
     let mut mission = Mission::new(vec![circle], Vec::new());
     assert_eq!(mission.poll_timeout(), None);
     handle(&mut world, &mut mission, Input::LinkUp);
@@ -1160,15 +1162,50 @@ fn a_route_for_a_mode_waits_for_the_areas_of_a_cucs_until_the_vehicle_is_silent(
     assert_eq!(answers(&mut world), [AckType::Refused]);
 }
 
+/// PX4 leaves such an area out, and keeps the rest under the id of the whole.
+#[test]
+fn an_area_that_home_breaches_is_uploaded_once_home_is_within_it() {
+    let (mut world, mut mission) = ready();
+    let place = |latitude| Place {
+        latitude,
+        longitude: 8.0,
+        amsl_m: 400.0,
+    };
+    world.vehicle.telemetry.home = Some(place(47.1));
+    mission.set_areas(vec![circle()], world.now.mono);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert_eq!(world.services.missions.busy(), None);
+    let (_, texts) = reports(&mut world);
+    assert!(texts.contains("home is currently outside it"), "{texts}");
+    command(&mut world, &mut mission, transfer(Mode::Load));
+    let (progress, texts) = reports(&mut world);
+    assert_eq!(progress.last(), Some(&(Status::Aborted, 0)));
+    assert!(texts.contains("not known to hold its fence"), "{texts}");
+    world.vehicle.telemetry.home = Some(place(47.0));
+    world.advance(31 * SECOND);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    let id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    world.vehicle.telemetry.mission = named(0, id);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert_eq!(mission.fence.id(), Some(id));
+    // What is aboard is judged no more.
+    world.vehicle.telemetry.home = Some(place(47.1));
+    handle(&mut world, &mut mission, Input::LinkUp);
+    world.advance(4 * SECOND);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert_eq!(mission.fence.id(), Some(id));
+}
+
 #[test]
 fn an_area_that_leaves_the_configuration_during_its_upload_is_cleared() {
     let mut world = World::new();
     let circle = circle();
-    let items: Vec<Item> = mapping::area::fence(std::slice::from_ref(&circle), &[], None)
-        .expect("a fence")
-        .iter()
-        .map(|point| point.item)
-        .collect();
+    let items: Vec<Item> =
+        mapping::area::fence(std::slice::from_ref(&circle), &[], &Holder::default())
+            .expect("a fence")
+            .iter()
+            .map(|point| point.item)
+            .collect();
     let mut mission = Mission::new(Vec::new(), Vec::new());
     mission.set_areas(vec![circle], world.now.mono);
     handle(&mut world, &mut mission, Input::WatchFence);

@@ -894,14 +894,14 @@ fn angles_are_not_shown_once_another_steers_the_gimbal_and_the_next_take_it_back
     // As PX4's navigator leaves it.
     scene.report(1, manager([0, 0]));
     let sent = scene.world.sent_to(0);
-    let says = |message: &&Message| match message {
+    let alerts_of = |message: &&Message| match message {
         Message::SubsystemStatusAlert(alert) => alert
             .text
             .as_ref()
             .is_some_and(|text| text.as_str().contains("controlled by nobody")),
         _ => false,
     };
-    assert_eq!(sent.iter().filter(says).count(), 1, "{sent:?}");
+    assert_eq!(sent.iter().filter(alerts_of).count(), 1, "{sent:?}");
     assert_eq!(scene.machine.states[&1].shown, EoirPointingMode::NoValue);
     scene.report(1, manager([0, 0]));
     assert!(scene.world.sent_to(0).is_empty(), "once");
@@ -929,14 +929,14 @@ fn rates_end_once_another_steers_the_gimbal() {
     scene.handle(Input::Poll);
     assert_eq!(attitudes(&mut scene), []);
     let sent = scene.world.sent_to(0);
-    let says = |message: &Message| match message {
+    let alerts_of = |message: &Message| match message {
         Message::SubsystemStatusAlert(alert) => alert
             .text
             .as_ref()
             .is_some_and(|text| text.as_str().contains("system 255")),
         _ => false,
     };
-    assert!(sent.iter().any(says), "{sent:?}");
+    assert!(sent.iter().any(alerts_of), "{sent:?}");
     let state = &scene.machine.states[&1];
     assert_eq!(state.commanded, EoirPointingMode::NoValue);
     assert!(state.moving.is_none());
