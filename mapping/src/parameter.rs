@@ -144,6 +144,8 @@ pub struct Described {
     pub group: String,
     /// Digits after the point that mean something.
     pub decimals: Option<u8>,
+    /// Whether the vehicle uses a new value only once it has restarted.
+    pub restart: bool,
 }
 
 /// A write that is refused.
@@ -213,6 +215,13 @@ pub fn range(name: &str) -> Option<Range> {
         high,
         values: values.filter_map(|value| value.parse().ok()).collect(),
     })
+}
+
+/// Whether the vehicle uses a new value of this parameter only once it has restarted: by its metadata, else by the table.
+#[must_use]
+pub fn applies_after_restart(name: &str, described: Option<&Described>) -> bool {
+    let by_table = || line(name).is_some_and(|line| line.split(',').nth(5) == Some("r"));
+    described.map_or_else(by_table, |of| of.restart)
 }
 
 /// The names of the table, sorted.
@@ -464,6 +473,7 @@ mod tests {
             short: String::new(),
             group: String::new(),
             decimals: None,
+            restart: false,
         };
         let write = |described: &Described| checked("COM_DL_LOSS_T", 400.0, Some(described));
         let open = of(ParameterKind::Integer, None);
@@ -474,6 +484,10 @@ mod tests {
         assert!(matches!(write(&float), Err(ParameterError::Disputed(_))));
         let own = checked("NOT_IN_THE_TABLE", 0.5, Some(&float));
         assert_eq!(own, Ok(Value::Real(0.5)));
+        for (name, by_table) in [("MNT_MODE_IN", true), ("NAV_DLL_ACT", false), ("A", false)] {
+            assert_eq!(applies_after_restart(name, None), by_table, "{name}");
+            assert!(!applies_after_restart(name, Some(&open)), "{name}");
+        }
     }
 
     #[test]

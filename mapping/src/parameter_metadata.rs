@@ -90,6 +90,8 @@ struct Entry {
     decimal_places: Option<u8>,
     #[serde(default)]
     values: Vec<Choice>,
+    #[serde(default)]
+    reboot_required: bool,
 }
 
 #[derive(Deserialize)]
@@ -141,6 +143,7 @@ impl Entry {
                 short: self.short_desc,
                 group: self.group,
                 decimals: self.decimal_places.filter(|places| *places <= MAX_DECIMALS),
+                restart: self.reboot_required,
             },
         ))
     }
@@ -177,6 +180,10 @@ mod tests {
             ("m/s", Some(5.0), Some(0))
         );
         assert_eq!(cruise.group, "Multicopter Position Control");
+        assert!(!cruise.restart);
+        let restart = CRUISE.replace("\"min\":3", "\"rebootRequired\":true");
+        let restart = read(&restart).expect("the form of PX4");
+        assert!(restart.get("MPC_XY_CRUISE").is_some_and(|of| of.restart));
         assert_eq!(all.names().collect::<Vec<_>>(), ["MPC_XY_CRUISE"]);
     }
 

@@ -221,7 +221,7 @@ fn number(at: usize) -> Option<u8> {
     u8::try_from(at + usize::from(Controls::FIRST)).ok()
 }
 
-/// The name up to a colon, so that a program can find it; then the unit, and a description.
+/// The name up to a colon, so that a program can find it; then the unit, whether a new value waits for a restart, and a description.
 fn help(name: &Name, described: Option<&Described>) -> String {
     let Some(described) = described else {
         return format!("{name}: range not known (no metadata of the vehicle)");
@@ -230,7 +230,11 @@ fn help(name: &Name, described: Option<&Described>) -> String {
         "" => String::new(),
         unit => format!(" [{unit}]"),
     };
-    format!("{name}:{unit} {}", described.short)
+    let after = match described.restart {
+        true => " (after a restart)",
+        false => "",
+    };
+    format!("{name}:{unit}{after} {}", described.short)
 }
 
 #[cfg(test)]
@@ -291,6 +295,10 @@ mod tests {
         assert_eq!(limits.minimum_display_resolution, Some(0.1));
         let text = limits.help_text.expect("a text").to_string();
         assert_eq!(text, "A: [m/s] How fast");
+        let mut described = metadata().get("A").expect("a parameter").clone();
+        described.restart = true;
+        let text = help(&name("A"), Some(&described));
+        assert_eq!(text, "A: [m/s] (after a restart) How fast");
         assert_eq!(controls.describe(12, Id(1), ValuesBy::Field).count(), 0);
         // A parameter that is chosen again gets the number that it had.
         let again = controls.learn(name("B"), Value::Int(8));

@@ -159,6 +159,19 @@ fn without_metadata_controls_have_no_range_and_no_other_parameter_is_written() {
 }
 
 #[test]
+fn an_advice_names_a_parameter_that_waits_for_a_restart() {
+    let mut rig = Rig::ready();
+    for (name, value, waits) in [("SYS_HAS_MAG", 0.0, true), ("NAV_LOITER_RAD", 60.0, false)] {
+        assert_eq!(set(&mut rig, name, value), Some(AckType::CarriedOut));
+        let alerts = rig.station().alerts();
+        let advised = alerts
+            .iter()
+            .any(|text| text.contains(name) && text.contains("once it has restarted"));
+        assert_eq!(advised, waits, "{name}: {alerts:#?}");
+    }
+}
+
+#[test]
 fn the_vehicles_metadata_gives_ranges_units_and_groups_also_to_who_has_asked_before() {
     let mut rig = Rig::ready_with(setup(true));
     ask(&mut rig);

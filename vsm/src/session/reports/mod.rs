@@ -663,6 +663,12 @@ impl Reports {
         match event {
             Event::Read { name, value } | Event::Set { name, value } => {
                 self.learn_parameter(context, name, value, Some(station), effects);
+                let described = self.metadata().get(name.as_str());
+                if sets && parameter::applies_after_restart(name.as_str(), described) {
+                    effects.advise(format!(
+                        "parameter {name} is stored: the vehicle uses it once it has restarted"
+                    ));
+                }
                 let report = parameters::report(name, value, self.metadata());
                 self.answers
                     .answer(station, [report], Some(origin), effects);
