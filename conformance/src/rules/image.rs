@@ -91,7 +91,8 @@ fn image_centre_in_flight(t: &Trial, station: u8) -> Judged {
 fn look(t: &Trial, a: &Station, station: u8, home: &Fix) -> Judged<Result<(), &'static str>> {
     let mark = t.bench.net.mark();
     fix(t, a)?;
-    let before = Image::of(&operating_state(a, station)?);
+    let before = operating_state(a, station)?;
+    let before = Image::of(&before);
     t.pause(t.timers().answer / 2)?;
     let state = operating_state(a, station)?;
     fix(t, a)?;
