@@ -398,7 +398,8 @@ fn a_captured_ground_station_reaches_nothing_by_a_mission_that_it_may_not_comman
             assert!(!world.passes(GROUND, &bytes), "{param2}");
         }
         for command in [
-            16, 17, 20, 21, 22, 31, 85, 93, 177, 178, 189, 195, 197, 206, 3_000, 5_001, 5_100, 400,
+            16, 17, 20, 21, 22, 31, 85, 93, 112, 114, 177, 178, 189, 195, 197, 206, 3_000, 5_001,
+            5_100, 400,
         ] {
             let bytes = item(&mut world, id, command, 0.0);
             assert!(world.passes(GROUND, &bytes), "{command}");
