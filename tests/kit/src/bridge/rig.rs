@@ -786,7 +786,7 @@ fn assert_relayed(frame: &[u8], policy: &RelayPolicy) {
             0
         }
     };
-    if id == MISSION_ITEM_INT {
+    if MISSION_ITEMS.contains(&id) {
         let item = u16::from_le_bytes([payload(30), payload(31)]);
         let passes = policy.lets_fly(item);
         assert!(passes, "relay_policy.rs: item {item} is not on its list");
@@ -837,7 +837,8 @@ const OWN: [u8; 2] = [245, 190];
 const NOT_RELAYED: [u32; 2] = [110, 229];
 /// COMMAND_INT and COMMAND_LONG.
 const COMMANDS: [u32; 2] = [75, 76];
-const MISSION_ITEM_INT: u32 = 73;
+/// MISSION_ITEM and MISSION_ITEM_INT.
+const MISSION_ITEMS: [u32; 2] = [39, 73];
 /// DO_FLIGHTTERMINATION, which the owner lists.
 const TERMINATION: u16 = 185;
 /// Shorter than anything that most tests measure.
