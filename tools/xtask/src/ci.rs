@@ -1,7 +1,7 @@
 //! `cargo xtask ci`: what must hold before anything is merged.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
@@ -58,7 +58,8 @@ fn deny(steps: &mut Steps) -> Result<()> {
     let deny = ["--locked", "deny", "check", "bans", "licenses", "sources"];
     steps.run(&mut cargo(deny))?;
     let fetched = steps.step("the newest advisories", || {
-        Ok(is_there(&mut cargo(["deny", "fetch", "db"])))
+        let fetch = ["deny", "fetch", "db"];
+        Ok(is_there(cargo(fetch).current_dir(root())))
     })?;
     let (check, remark) = advisories(fetched, has_copy());
     if let Some(remark) = remark {
@@ -97,8 +98,15 @@ fn advisories(
 fn has_copy() -> bool {
     let home = std::env::home_dir().map(|home| home.join(".cargo"));
     let cargo = std::env::var_os("CARGO_HOME").map(PathBuf::from).or(home);
-    let copies = cargo.and_then(|cargo| fs::read_dir(cargo.join("advisory-dbs")).ok());
-    copies.is_some_and(|mut copies| copies.next().is_some())
+    cargo.is_some_and(|cargo| is_copy_in(&cargo.join("advisory-dbs")))
+}
+
+/// A lock file is there too, also where nothing could be fetched.
+fn is_copy_in(databases: &Path) -> bool {
+    let entries = fs::read_dir(databases).into_iter().flatten().flatten();
+    entries
+        .map(|entry| entry.path().join("crates"))
+        .any(|advisories| advisories.is_dir())
 }
 
 /// Packs the crates that are meant to be published, and builds each from its package alone.
@@ -138,5 +146,18 @@ mod what_is_checked {
         let (check, remark) = advisories(false, false);
         assert_eq!(check, None);
         assert!(remark.is_some_and(|remark| remark.contains("NOT checked")));
+    }
+
+    #[test]
+    fn what_cargo_deny_leaves_without_a_network_is_no_copy() {
+        let folder = std::env::temp_dir().join(format!("vsm-advisories-{}", std::process::id()));
+        assert!(!is_copy_in(&folder));
+        fs::create_dir_all(&folder).expect("a folder");
+        fs::write(folder.join("db.lock"), "").expect("a file");
+        assert!(!is_copy_in(&folder));
+        let copy = folder.join("advisory-db-3157b0e258782691/crates");
+        fs::create_dir_all(copy).expect("a folder");
+        assert!(is_copy_in(&folder));
+        fs::remove_dir_all(&folder).expect("it is there");
     }
 }
