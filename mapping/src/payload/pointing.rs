@@ -31,14 +31,17 @@ pub struct GimbalAttitude {
     pub neutral: bool,
     /// Rates about its y and z axis, rad/s, where it reports them.
     pub rates: Option<[f64; 2]>,
-    /// The vehicle's time since boot when it came, ms, as far as the vehicle had shown it. The gimbal's own clock may be another
+    /// How fast it has turned since its report before, rad/s; 0 where that is not known. PX4 reports rates of 0 for the gimbals that it
+    /// drives itself, and many devices report none.
+    pub turn_rate: f64,
+    /// The vehicle's time since boot when it came, ms, where the vehicle had shown it. The gimbal's own clock may be another
     /// one, which nothing compares with the vehicle's.
     pub vehicle_ms: Option<u32>,
 }
 
 impl GimbalAttitude {
-    /// Whether it was so at this time of the vehicle since boot, ms: it came about then, and has hardly turned in between. One that reports
-    /// no rates counts as one that stands.
+    /// Whether it was so at this time of the vehicle since boot, ms: it came about then, and has hardly turned in between by the larger
+    /// of what it reports and what its last two reports show.
     #[must_use]
     pub fn is_of(&self, boot_ms: u32) -> bool {
         let Some(vehicle_ms) = self.vehicle_ms else {
@@ -46,7 +49,21 @@ impl GimbalAttitude {
         };
         let gap_ms = span_ms(vehicle_ms, boot_ms).unsigned_abs();
         let rate = self.rates.map_or(0.0, |[y, z]| y.hypot(z));
+        let rate = rate.max(self.turn_rate);
         gap_ms <= MAX_GAP_MS && rate * f64::from(gap_ms) / 1e3 <= STILL_RAD
+    }
+
+    /// How fast its line of sight has turned since the report before, rad/s; 0 where the two turn from different frames.
+    pub(super) fn rate_since(&self, before: &GimbalAttitude) -> f64 {
+        let span = before.vehicle_ms.zip(self.vehicle_ms);
+        let Some((from, to)) = span.filter(|_| self.frame == before.frame) else {
+            return 0.0;
+        };
+        // The chord, and not the angle: of two equal quaternions of a length other than 1 it is 0.
+        let [x, y, z] = forward(self.q);
+        let [old_x, old_y, old_z] = forward(before.q);
+        let chord = (x - old_x).hypot(y - old_y).hypot(z - old_z);
+        chord * 1e3 / f64::from(span_ms(from, to).max(MIN_SPAN_MS))
     }
 }
 
@@ -263,6 +280,8 @@ fn turn_back([x, y, z]: [f64; 3], [roll, pitch, yaw]: [f64; 3]) -> [f64; 3] {
 
 /// The period of a gimbal that reports once a second, as PX4 has it on a radio, and a half.
 const MAX_GAP_MS: u32 = 1_500;
+/// The period of a gimbal that reports 50 times a second: a radio may deliver two reports at once.
+const MIN_SPAN_MS: i32 = 20;
 /// Farthest footprint: Reported Range ends there (0302.21).
 pub const MAX_RANGE_M: f64 = 100_000.0;
 /// Farther the terrain is not searched: 600 steps of the finest grids.
@@ -307,6 +326,7 @@ mod tests {
             retracted: false,
             neutral: false,
             rates: None,
+            turn_rate: 0.0,
             vehicle_ms: None,
         }
     }
@@ -356,6 +376,41 @@ mod tests {
         assert!(of(Some(19_800), Some([0.15, -0.2])));
         assert!(!of(Some(19_700), Some([0.15, -0.2])));
         assert!(of(Some(20_000), Some([1.0, 1.0])));
+        // The same turn, of a gimbal that reports rates of 0.
+        for (vehicle_ms, still) in [(19_800, true), (19_700, false)] {
+            let gimbal = GimbalAttitude {
+                turn_rate: 0.25,
+                rates: Some([0.0; 2]),
+                vehicle_ms: Some(vehicle_ms),
+                ..gimbal(Frame::Body, -40.0, 0.0)
+            };
+            assert_eq!(gimbal.is_of(20_000), still, "{vehicle_ms}");
+        }
+    }
+
+    #[test]
+    fn two_reports_of_a_gimbal_show_how_fast_it_turns() {
+        let at = |vehicle_ms: u32, frame, yaw: f64| GimbalAttitude {
+            vehicle_ms: Some(vehicle_ms),
+            ..gimbal(frame, 0.0, yaw)
+        };
+        let before = at(10_000, Frame::Body, 0.0);
+        let rate_deg_s = |now: GimbalAttitude| now.rate_since(&before).to_degrees().round();
+        assert_eq!(rate_deg_s(at(10_200, Frame::Body, 5.0)), 25.0);
+        assert_eq!(rate_deg_s(at(11_000, Frame::Body, -5.0)), 5.0);
+        assert_eq!(rate_deg_s(at(10_000, Frame::Body, 1.0)), 50.0, "at once");
+        // In another frame nothing is known of it, nor where the vehicle has shown no time.
+        assert_eq!(rate_deg_s(at(10_200, Frame::North, 5.0)), 0.0);
+        assert_eq!(rate_deg_s(gimbal(Frame::Body, 0.0, 5.0)), 0.0);
+        // A quaternion of a length other than 1 does not turn it.
+        let longer = |vehicle_ms| {
+            let one = at(vehicle_ms, Frame::Body, 30.0);
+            GimbalAttitude {
+                q: one.q.map(|part| part * 1.01),
+                ..one
+            }
+        };
+        assert!(longer(10_020).rate_since(&longer(10_000)) < 1e-9);
     }
 
     #[test]

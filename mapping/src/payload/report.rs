@@ -5,8 +5,8 @@
 //!
 //! An image centre is made of three messages of the vehicle: its position, its attitude and the gimbal's. It is that of the moment of the
 //! position, as the rest of 4000 is, so the vehicle's attitude is brought to that moment. How a gimbal turned in between is not known well
-//! enough to do the same with it: whether its rates are about its own axes or those of the horizon, devices do not agree. Where it
-//! may have turned, there is no image centre ([`Station::image_centre`]).
+//! enough to do the same with it: whether its rates are about its own axes or those of the horizon, devices do not agree, and some
+//! report none or 0 while they turn. Where it may have turned, there is no image centre ([`Station::image_centre`]).
 
 use std::time::Duration;
 
@@ -367,6 +367,18 @@ mod tests {
     /// A gimbal that looks down by this angle, rad, and turns at this rate; its report came at this time of the vehicle.
     fn looking(down: f64, rate: f64, flags: GimbalDeviceFlags, vehicle_ms: u32) -> Payloads {
         let mut payloads = Payloads::default();
+        looks(&mut payloads, down, rate, flags, vehicle_ms);
+        payloads
+    }
+
+    /// The next report of the gimbal.
+    fn looks(
+        payloads: &mut Payloads,
+        down: f64,
+        rate: f64,
+        flags: GimbalDeviceFlags,
+        vehicle_ms: u32,
+    ) {
         let half = down / 2.0;
         let message =
             MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(GIMBAL_DEVICE_ATTITUDE_STATUS_DATA {
@@ -375,8 +387,8 @@ mod tests {
                 flags,
                 ..GIMBAL_DEVICE_ATTITUDE_STATUS_DATA::default()
             });
-        payloads.update(NOW, Some(vehicle_ms), 154, &message);
-        payloads
+        payloads.note_time(NOW, Some(vehicle_ms));
+        payloads.update(NOW, 154, &message);
     }
 
     fn looking_down(flags: GimbalDeviceFlags) -> Payloads {
@@ -476,6 +488,12 @@ mod tests {
         assert_eq!(seen(body, 0.5, THERE_MS + 200, &there), None);
         assert_eq!(seen(body, 0.5, THERE_MS + 100, &there), ahead);
         assert_eq!(seen(body, 0.0, THERE_MS - 3_000, &there), None);
+        // Of one that reports rates of 0 two reports show it: it has come from so far up within a second.
+        for (up, late_ms, found) in [(0.0, 200, ahead), (0.5, 200, None), (0.5, 100, ahead)] {
+            let mut payloads = looking(down - up, 0.0, body, THERE_MS + late_ms - 1_000);
+            looks(&mut payloads, down, 0.0, body, THERE_MS + late_ms);
+            assert_eq!(centre(&payloads, &there), found, "{up} {late_ms}");
+        }
         // The attitude is of 0.9 s and of 3 s later. A camera that turns with the vehicle may have turned.
         for (late_ms, rate, of_body) in [(900, 0.01, ahead), (900, 0.5, None), (3_000, 0.0, None)] {
             let mut later = placed();
@@ -499,7 +517,7 @@ mod tests {
             video_status: 1,
             ..CAMERA_CAPTURE_STATUS_DATA::default()
         });
-        payloads.update(NOW, None, 100, &capture);
+        payloads.update(NOW, 100, &capture);
         let shown = state(&payloads, NOW, None);
         assert_eq!(shown.system_operating_mode_state, Some(RECORDING));
     }

@@ -20,6 +20,8 @@ use super::pointing::{Direction, Frame, GimbalAttitude, quaternion};
 pub struct Payloads {
     gimbals: BTreeMap<u8, Gimbal>,
     cameras: BTreeMap<u8, Camera>,
+    /// The vehicle's time since boot, ms, and when a message showed it.
+    vehicle_ms: Option<(Duration, u32)>,
 }
 
 /// A gimbal: its device, and the manager that steers it.
@@ -60,6 +62,7 @@ impl Gimbal {
             retracted: false,
             neutral: false,
             rates,
+            turn_rate: 0.0,
             vehicle_ms: Some(boot_ms),
         };
         self.attitude = Some((now, attitude));
@@ -208,18 +211,19 @@ impl Equipment {
 }
 
 impl Payloads {
-    /// Takes a message of a component of the vehicle's system. `vehicle_ms`: the vehicle's time since boot, as far as it has shown it.
+    /// Takes the vehicle's time since boot, ms, as its autopilot has shown it by now: gimbals are dated by it.
+    pub fn note_time(&mut self, now: Duration, boot_ms: Option<u32>) {
+        if self.vehicle_ms.map(|(_, known)| known) != boot_ms {
+            self.vehicle_ms = boot_ms.map(|boot_ms| (now, boot_ms));
+        }
+    }
+
+    /// Takes a message of a component of the vehicle's system.
     #[allow(
         deprecated,
         reason = "MOUNT_ORIENTATION, by which PX4 reports its own outputs"
     )]
-    pub fn update(
-        &mut self,
-        now: Duration,
-        vehicle_ms: Option<u32>,
-        component: u8,
-        message: &MavMessage,
-    ) {
+    pub fn update(&mut self, now: Duration, component: u8, message: &MavMessage) {
         match message {
             MavMessage::GIMBAL_MANAGER_INFORMATION(m) if m.gimbal_device_id != 0 => {
                 if let Some(gimbal) = self.gimbal_mut(m.gimbal_device_id) {
@@ -257,6 +261,11 @@ impl Payloads {
                 if !q.iter().all(|part| part.is_finite()) {
                     return;
                 }
+                // The vehicle shows its time some times a second. Without what has passed since then, a gimbal that turns would
+                // seem to be of the moment of a position that is 0.2 s older.
+                let vehicle_ms = self.vehicle_ms.map(|(at, boot_ms)| {
+                    boot_ms.wrapping_add(now.saturating_sub(at).as_millis() as u32)
+                });
                 if let Some(gimbal) = self.gimbal_mut(device) {
                     // PX4 reports the set point of its own outputs as their attitude, also of an axis that does not move: one that is
                     // to be locked, and not stabilised by MNT_DO_STAB (OutputRC::_stream_device_attitude_status).
@@ -264,7 +273,7 @@ impl Payloads {
                     {
                         return;
                     }
-                    let attitude = GimbalAttitude {
+                    let mut attitude = GimbalAttitude {
                         q,
                         frame: match (north, locked) {
                             (true, _) => Frame::North,
@@ -276,8 +285,12 @@ impl Payloads {
                         neutral: flags.contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_NEUTRAL)
                             && !DRIVEN.contains(&device),
                         rates: rates.iter().all(|rate| rate.is_finite()).then_some(rates),
+                        turn_rate: 0.0,
                         vehicle_ms,
                     };
+                    if let Some((_, before)) = &gimbal.attitude {
+                        attitude.turn_rate = attitude.rate_since(before);
+                    }
                     gimbal.attitude = Some((now, attitude));
                 }
             }
@@ -538,10 +551,10 @@ mod tests {
             (171, device()),
         ];
         for (id, message) in &reports {
-            forwards.update(NOW, None, *id, message);
+            forwards.update(NOW, *id, message);
         }
         for (id, message) in reports.iter().rev() {
-            backwards.update(NOW, None, *id, message);
+            backwards.update(NOW, *id, message);
         }
         let expected = [(1, Some(154), Some(100)), (2, Some(171), Some(101))];
         for payloads in [forwards, backwards] {
@@ -557,14 +570,9 @@ mod tests {
     #[test]
     fn a_vehicle_without_payload_has_no_station_and_one_that_is_configured_has_just_those() {
         let mut payloads = Payloads::default();
-        payloads.update(
-            NOW,
-            None,
-            1,
-            &MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()),
-        );
+        payloads.update(NOW, 1, &MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()));
         assert!(payloads.stations(&[]).is_empty());
-        payloads.update(NOW, None, 154, &device());
+        payloads.update(NOW, 154, &device());
         let configured = Equipment {
             number: 7,
             gimbal: Some(154),
@@ -600,32 +608,54 @@ mod tests {
             gimbal_device_id: 1,
             ..GIMBAL_MANAGER_STATUS_DATA::default()
         });
-        payloads.update(NOW, None, 1, &status);
+        payloads.update(NOW, 1, &status);
         let yaw = |payloads: &Payloads| {
             let gimbal = payloads.gimbal(Some(1)).expect("a gimbal");
             let (_, attitude) = gimbal.attitude.expect("an attitude");
             let [_, _, yaw] = super::super::pointing::euler(attitude.q);
             (attitude.frame, yaw.to_degrees().round(), attitude.rates)
         };
-        payloads.update(NOW, None, 1, &set_point());
+        payloads.update(NOW, 1, &set_point());
         assert_eq!(yaw(&payloads), (Frame::North, 45.0, Some([0.0; 2])));
         let attitude = payloads.gimbal(Some(1)).and_then(|one| one.attitude);
         assert!(attitude.is_some_and(|(_, attitude)| !attitude.neutral));
         // A gimbal of its own does not use them.
-        payloads.update(NOW, None, 154, &outputs(100, -80.0));
+        payloads.update(NOW, 154, &outputs(100, -80.0));
         assert_eq!(yaw(&payloads).1, 45.0);
-        payloads.update(NOW, None, 1, &outputs(100, 10.0));
-        payloads.update(NOW, None, 1, &set_point());
+        payloads.update(NOW, 1, &outputs(100, 10.0));
+        payloads.update(NOW, 1, &set_point());
         assert_eq!(yaw(&payloads), (Frame::Body, 10.0, None));
-        payloads.update(NOW, None, 1, &outputs(300, 12.0));
+        payloads.update(NOW, 1, &outputs(300, 12.0));
         let (_, _, rates) = yaw(&payloads);
         let [pitch, turn] = rates.expect("two reports");
         assert!(
             pitch == 0.0 && (turn.to_degrees() - 10.0).abs() < 1e-3,
             "{turn}"
         );
-        payloads.update(NOW + STANDS_FOR, None, 1, &set_point());
+        payloads.update(NOW + STANDS_FOR, 1, &set_point());
         assert_eq!(yaw(&payloads).1, 45.0, "without them it is all there is");
+    }
+
+    #[test]
+    fn a_report_of_a_gimbal_is_of_the_time_that_the_vehicle_has_by_then() {
+        let ms = Duration::from_millis;
+        let mut payloads = Payloads::default();
+        let dated = |payloads: &mut Payloads, after_ms: u64| {
+            payloads.update(NOW + ms(after_ms), 154, &device());
+            let attitude = payloads.gimbal(Some(154)).and_then(|one| one.attitude);
+            attitude.expect("a report").1.vehicle_ms
+        };
+        assert_eq!(dated(&mut payloads, 0), None);
+        payloads.note_time(NOW, Some(5_000));
+        assert_eq!(dated(&mut payloads, 0), Some(5_000));
+        // A message of the autopilot without a time shows none.
+        payloads.note_time(NOW + ms(100), Some(5_000));
+        assert_eq!(dated(&mut payloads, 150), Some(5_150));
+        payloads.note_time(NOW + ms(210), Some(5_200));
+        assert_eq!(dated(&mut payloads, 260), Some(5_250));
+        // It has restarted.
+        payloads.note_time(NOW + ms(300), None);
+        assert_eq!(dated(&mut payloads, 400), None);
     }
 
     #[test]
@@ -637,7 +667,7 @@ mod tests {
             primary_control_compid: 190,
             ..GIMBAL_MANAGER_STATUS_DATA::default()
         });
-        payloads.update(NOW, None, 1, &status);
+        payloads.update(NOW, 1, &status);
         let gimbal = payloads.gimbal(Some(1)).expect("a gimbal");
         assert_eq!(gimbal.control, Some((NOW, [245, 190])));
         assert_eq!(payloads.stations(&[])[0].number, 1);

@@ -107,8 +107,7 @@ impl VehicleLink {
         // Texts are accepted from any component of the vehicle's system; state and answers only from its autopilot.
         self.texts.handle_message(now, node, message);
         if node.system == self.vehicle.system && is_of_payload(message) {
-            let vehicle_ms = vehicle.telemetry.boot_ms();
-            (vehicle.payloads).update(now, vehicle_ms, node.component, message);
+            vehicle.payloads.update(now, node.component, message);
             self.events.push_back(VehicleEvent::PayloadReported);
         }
         // A radio inserts this message into the stream itself, unsigned and with its own system id (a SiK radio: system 51,
@@ -140,6 +139,7 @@ impl VehicleLink {
         if (vehicle.measured).takes(now, &effects.vehicle.clock, message) {
             vehicle.telemetry.update(message);
         }
+        (vehicle.payloads).note_time(now, vehicle.telemetry.boot_ms());
         vehicle.telemetry.equipment.update(now, message);
         if matches!(
             message,

@@ -89,8 +89,7 @@ impl Scene {
 
     fn report(&mut self, component: u8, message: MavMessage) {
         let now = self.world.now.mono;
-        let payloads = &mut self.world.vehicle.payloads;
-        payloads.update(now, None, component, &message);
+        self.world.vehicle.payloads.update(now, component, &message);
         self.handle(Input::Poll);
     }
 

@@ -91,14 +91,14 @@ impl Vehicle {
             }
         }
         if is_of_payload(&message) {
-            let vehicle_ms = self.telemetry.boot_ms();
-            (self.payloads).update(wall, vehicle_ms, node.component, &message);
+            self.payloads.update(wall, node.component, &message);
         }
         if node != autopilot {
             return;
         }
         let before = (self.telemetry.mode, self.telemetry.armed);
         self.telemetry.update(&message);
+        self.payloads.note_time(wall, self.telemetry.boot_ms());
         if matches!(
             message,
             MavMessage::HEARTBEAT(_) | MavMessage::CURRENT_MODE(_)
