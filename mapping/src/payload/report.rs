@@ -243,8 +243,8 @@ pub fn sensor(station: &Station<'_>, vsm: Id, stamp: TimeStamp) -> EoIrConfigura
     }
 }
 
-/// 21101: what a station does, and where it really looks. `footprint`: its [image centre](Station::image_centre); the stamp is that of the
-/// position then, and the direction of that moment too. `mode`: the pointing mode that it was commanded to and has shown.
+/// 21101: what a station does, and where it really looks, from a vehicle as 4000 of this stamp has it. `footprint`: its
+/// [image centre](Station::image_centre). `mode`: the pointing mode that it was commanded to and has shown.
 #[must_use]
 pub fn operating(
     station: &Station<'_>,
@@ -253,10 +253,7 @@ pub fn operating(
     mode: EoirPointingMode,
     stamp: TimeStamp,
 ) -> EoIrLaserOperatingState {
-    let attitude = match footprint {
-        Some(_) => telemetry.attitude_at_place(),
-        None => telemetry.attitude,
-    };
+    let attitude = telemetry.attitude_at_place();
     let direction = station.looking().zip(attitude).map(|(gimbal, vehicle)| {
         pointing::direction(pointing::line_of_sight(&gimbal, &vehicle), &vehicle)
     });

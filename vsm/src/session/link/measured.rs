@@ -151,19 +151,15 @@ impl Measured {
         let position = self.position.filter(|_| vehicle.gps_fix != Some(false));
         let place = || position.or(self.attitude).or(self.velocity);
         let at = match message {
-            INERTIAL_STATES | WAYPOINT_STATES | AIR_AND_GROUND | RELATIVE_LOCATION => place(),
+            // 21101 also without an image centre: of two payload stations one may show it and one a direction alone, and the stamps
+            // of both are one series.
+            INERTIAL_STATES | WAYPOINT_STATES | AIR_AND_GROUND | RELATIVE_LOCATION
+            | EO_IR_LASER_STATE => place(),
             BODY_SENSED => self.force.or(self.attitude),
             WEATHER => self.wind,
             _ => return None,
         };
         Some(at.unwrap_or(now))
-    }
-
-    /// The same of where a payload station looks (21101): of its image centre, which is the position's moment, or of its direction alone,
-    /// which is the attitude's.
-    pub(crate) fn of_sight(&self, now: Duration, image: bool) -> Duration {
-        let at = if image { self.position } else { self.attitude };
-        at.unwrap_or(now)
     }
 }
 
@@ -191,6 +187,7 @@ const RELATIVE_LOCATION: u16 = 3016;
 const WEATHER: u16 = 18_300;
 const INERTIAL_STATES: u16 = 4000;
 const WAYPOINT_STATES: u16 = 4001;
+const EO_IR_LASER_STATE: u16 = 21_101;
 
 #[cfg(test)]
 mod tests {

@@ -264,8 +264,7 @@ fn payload_reports(
                 let telemetry = &vehicle.telemetry;
                 let ground = ground.as_ref();
                 let image = ground.and_then(|ground| station.image_centre(telemetry, ground));
-                let at = vehicle.measured.of_sight(context.mono(), image.is_some());
-                let stamp = effects.stamp_measured(receiver, message, Some(at));
+                let stamp = stamp(sources, receiver, message, effects);
                 let report = payload::operating(&station, telemetry, image, mode, stamp);
                 reports.push(report.into());
             }
