@@ -9,8 +9,9 @@ use stanag_msgs::enums::{AddressedSensor, AltitudeType};
 use stanag_msgs::klv::LocalSet;
 use stanag_msgs::messages::{EoIrLaserOperatingState, InertialStates, VehicleId};
 
-/// How far apart, in ms, the time stamps of 4000 and 21101 may be in one set: two periods of what a VSM sends unasked.
-pub const MAX_APART_MS: u64 = 500;
+/// How far apart, in ms, the time stamps of 4000 and 21101 may be in one set: the period of a 21101 that comes unasked, and that of the
+/// positions that both are stamped with. The 4000 just before the next 21101 may be of a position so much later.
+pub const MAX_APART_MS: u64 = 700;
 
 /// What is known of one vehicle and one of its payload stations.
 #[derive(Debug, Clone)]
@@ -194,10 +195,10 @@ mod tests {
         assert_eq!(azimuth(&mut view, 1_000), None, "another station");
         assert_eq!(view.take(&payload(1_000, 0b10).into(), NOW_US), None);
         for (at, expected) in [
-            (500, Some(270.0)),
-            (1_500, Some(270.0)),
-            (499, None),
-            (1_501, None),
+            (300, Some(270.0)),
+            (1_700, Some(270.0)),
+            (299, None),
+            (1_701, None),
         ] {
             assert_eq!(azimuth(&mut view, at), expected, "{at}");
         }

@@ -382,6 +382,10 @@ fn metadata_shows(rig: &Rig, seen: &EoIrLaserOperatingState) {
     let received = rig.stations[OPERATOR].received.iter();
     let now_us = rig.now().wall.as_micros() as u64;
     let made = received.filter_map(|(_, _, message)| Some((message, view.take(message, now_us)?)));
+    let made: Vec<_> = made.collect();
+    // Of 2 s, in which 21101 came four times.
+    let mut lately = made.iter().rev().take(10);
+    assert!(lately.all(|(_, set)| set.sensor_relative_azimuth_deg.is_some()));
     let (message, set) = made.last().expect("a 4000");
     let Message::InertialStates(states) = message else {
         panic!("{message:?}");
