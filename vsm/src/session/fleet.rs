@@ -15,10 +15,8 @@ use std::collections::{BTreeMap, BinaryHeap};
 use std::time::Duration;
 
 use stanag_msgs::Id;
-use stanag_msgs::enums::LoiBitmap;
 
 use super::aircraft::Aircraft;
-use super::authority::rules::CONTROL;
 use super::link::frame::OutFrame;
 use super::link::key_recovery::KeyChange;
 use super::station::GroundStation;
@@ -70,9 +68,8 @@ impl Fleet {
 
     /// Whether a station holds LOI 3, 4 or 5 of a vehicle.
     pub(crate) fn controls(&self, station: Id) -> bool {
-        let commands = LoiBitmap::LOI3.union(CONTROL);
         let mut rights = self.all.iter().map(|one| one.authority.rights());
-        rights.any(|rights| rights.held(station).levels().intersects(commands))
+        rights.any(|rights| rights.commands(station))
     }
 
     /// The vehicles of the link with this index: MAVLink system id, number.

@@ -180,7 +180,8 @@ impl Authority {
     /// Whether a CUCS holds a right to command the vehicle or a payload station: only these are lost by silence.
     #[must_use]
     pub fn commands(&self, id: Id) -> bool {
-        self.controller() == Some(id) || !self.held(id).stations().is_empty()
+        // Asked of each vehicle for each message from an address that has proved nothing.
+        self.controller() == Some(id) || self.stations.values().any(|holder| *holder == id)
     }
 
     /// Handovers that are not decided yet or wait for a load to end.
