@@ -148,8 +148,9 @@ impl Bridge {
         edition: Edition,
         commands: bool,
     ) -> Option<usize> {
+        let rate = if commands { COMMANDS } else { QUESTIONS };
         let barred = match self.admit(from, header, edition) {
-            Ok(index) if !self.is_within_rate(mono, from, index, commands) => {
+            Ok(index) if !self.paths.takes(mono, index, from, rate) => {
                 self.counters.count("over the station's rate");
                 return None;
             }
@@ -162,20 +163,6 @@ impl Bridge {
         };
         self.note_barred(mono, from, header, edition, &barred);
         None
-    }
-
-    /// Whether one more message may be taken in a station's name from this address now.
-    fn is_within_rate(
-        &mut self,
-        mono: Duration,
-        from: SocketAddr,
-        index: usize,
-        commands: bool,
-    ) -> bool {
-        let rate = if commands { COMMANDS } else { QUESTIONS };
-        let (id, aircraft) = (self.stations[index].id(), &self.aircraft);
-        self.paths
-            .takes(mono, index, from, rate, || aircraft.controls(id))
     }
 
     /// A frame is dropped after its header was read.

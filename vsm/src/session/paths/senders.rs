@@ -3,11 +3,12 @@
 //! The id of a station is no secret. Whoever uses it from elsewhere must neither use up what the station itself may send, nor keep it out
 //! where it comes from another port, or for the first time:
 //!
-//! - Where it is, if it has proved that or controls a vehicle from there, it has a bucket of its own.
-//! - Addresses that have answered a question share another one: whoever invents addresses receives no questions.
+//! - Where it is, it has a bucket of its own.
 //! - All others share those of [`COMPUTERS`]: a keyed hash of the IP address chooses one. The computer on which the station is has one
 //!   more, since a station that restarts mostly comes from there. So whoever sends from one computer, from however many ports, keeps
 //!   nobody out on another, unless the two share a part.
+//! - Addresses that have answered a question share one more, which comes before that of their computer: whoever invents addresses
+//!   receives no questions. Somebody who has answered one, and uses this bucket up, leaves a newcomer what it had before its answer.
 //!
 //! Beside somebody who sends from the same computer, or invents addresses, a message of a newcomer has the chance of each of theirs: nobody
 //! can know which of them is the station's. One in time is enough, where it answers the question that follows.
@@ -30,36 +31,31 @@ pub(super) struct Senders {
 }
 
 impl Paths {
-    /// Takes a message in a station's name out of the bucket of where it came from; false where that is empty. `controls`: the
-    /// station holds LOI 3, 4 or 5.
+    /// Takes a message in a station's name out of the bucket of where it came from; false where that is empty.
     pub(crate) fn takes(
         &mut self,
         now: Duration,
         index: usize,
         from: SocketAddr,
         rate: Rate,
-        controls: impl FnOnce() -> bool,
     ) -> bool {
         let Some(station) = self.stations.get_mut(index) else {
             return true;
         };
-        let current = station.current.as_ref();
-        let is_on_its_computer = current.is_some_and(|path| path.address.ip() == from.ip());
-        let is_it = current
-            .filter(|path| path.address == from)
-            .is_some_and(|path| path.trusted || path.proven.is_some() || controls());
-        let answers = !is_it && station.find(from).is_some_and(|path| path.rounds > 0);
+        let here = station.current.as_ref().map(|path| path.address);
+        if here == Some(from) {
+            return station.senders.own.take(now, rate);
+        }
+        let answers = station.find(from).is_some_and(|path| path.rounds > 0);
         let senders = &mut station.senders;
-        let bucket = if is_it {
-            Some(&mut senders.own)
-        } else if answers {
-            Some(&mut senders.answering)
-        } else if is_on_its_computer {
-            senders.newcomers.last_mut()
-        } else {
-            let computer = computer_of(&self.secret, from);
-            senders.newcomers.get_mut(computer)
+        if answers && senders.answering.take(now, rate) {
+            return true;
+        }
+        let computer = match here {
+            Some(here) if here.ip() == from.ip() => COMPUTERS,
+            _ => computer_of(&self.secret, from),
         };
+        let bucket = senders.newcomers.get_mut(computer);
         bucket.is_some_and(|bucket| bucket.take(now, rate))
     }
 
@@ -101,7 +97,7 @@ mod tests {
     fn a_flood_from_one_computer_uses_up_nothing_of_the_station_nor_of_another_computer() {
         let mut paths = Paths::new(LIMITS, [None].into_iter());
         paths.restore(NOW.mono, 0, (at(1, 1), false), true);
-        let mut taken = |host, port| paths.takes(NOW.mono, 0, at(host, port), RATE, || false);
+        let mut taken = |host, port| paths.takes(NOW.mono, 0, at(host, port), RATE);
         let flood = (1..20_000).filter(|port| taken(9, *port));
         assert_eq!(flood.count(), 100);
         // Itself, a newcomer on its computer, and one on another.
@@ -112,20 +108,26 @@ mod tests {
     }
 
     #[test]
-    fn who_has_answered_or_controls_does_not_share_with_the_other_ports_of_his_computer() {
-        let mut paths = Paths::new(LIMITS, [None].into_iter());
-        paths.arrived(NOW.mono, 0, at(1, 1), (300, false), || false);
-        let question = paths.ask(NOW, 0, at(1, 1), false).expect("it is asked");
-        let takes = |paths: &mut Paths, port, controls| {
-            paths.takes(NOW.mono, 0, at(1, port), RATE, || controls)
-        };
-        let flood = (2..20_000).filter(|port| takes(&mut paths, *port, false));
-        assert_eq!(flood.count(), 100);
-        assert!(!takes(&mut paths, 1, false), "it has shown nothing yet");
-        assert_eq!(paths.answered(NOW, 0, at(1, 1), question), Proof::Round);
-        for controls in [false, true] {
-            let taken = (0..1_000).filter(|_| takes(&mut paths, 1, controls));
-            assert_eq!(taken.count(), 100, "{controls}");
+    fn who_has_answered_is_kept_out_by_no_flood_from_his_computer_nor_of_somebody_who_has_answered_too()
+     {
+        for flooded in [1, 9] {
+            let mut paths = Paths::new(LIMITS, [None].into_iter());
+            paths.restore(NOW.mono, 0, (at(1, 1), false), true);
+            // The station at another port, and somebody elsewhere who answers one question and no more.
+            for from in [at(1, 2), at(9, 2)] {
+                paths.arrived(NOW.mono, 0, from, (300, false), || true);
+                let question = paths.ask(NOW, 0, from, false).expect("it is asked");
+                assert_eq!(paths.answered(NOW, 0, from, question), Proof::Round);
+            }
+            let mut taken = |host, port| paths.takes(NOW.mono, 0, at(host, port), RATE);
+            let flood = match flooded {
+                1 => (3..20_000).filter(|port| taken(1, *port)).count(),
+                _ => (0..20_000).filter(|_| taken(9, 2)).count(),
+            };
+            // Of the station's computer; of those who have answered, and of his own.
+            assert_eq!(flood, if flooded == 1 { 100 } else { 200 });
+            let own = (0..1_000).filter(|_| taken(1, 2)).count();
+            assert_eq!(own, 100, "host {flooded} floods");
         }
     }
 }
