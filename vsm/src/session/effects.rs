@@ -221,8 +221,8 @@ impl<'a> DliEffects<'a> {
         }
         if self.multicast && delivery.to_group() {
             let to = Destination::Multicast;
-            if let Some(datagram) = Outbox::compose(to, &one.profile, &envelope, message)
-                && self.may_go_to_group(station, &datagram, kind.1)
+            if let Some(mut datagram) = Outbox::compose(to, &one.profile, &envelope, message)
+                && self.may_go_to_group(station, &mut datagram, kind.1)
             {
                 self.post(station, datagram);
             }
@@ -250,8 +250,8 @@ impl<'a> DliEffects<'a> {
         }
         if self.multicast
             && delivery.to_group()
-            && let Some(datagram) = Datagram::of_ed25(Destination::Multicast, id, bytes)
-            && self.may_go_to_group(station, &datagram, Kind::Answer)
+            && let Some(mut datagram) = Datagram::of_ed25(Destination::Multicast, id, bytes)
+            && self.may_go_to_group(station, &mut datagram, Kind::Answer)
         {
             self.post(station, datagram);
         }
@@ -272,8 +272,9 @@ impl<'a> DliEffects<'a> {
     }
 
     /// Queues a datagram for the address of a station, lets it wait for its credit, or drops it.
-    fn admit(&mut self, station: usize, datagram: Datagram, kind: Kind) {
+    fn admit(&mut self, station: usize, mut datagram: Datagram, kind: Kind) {
         let (now, bytes) = (self.now.mono, self.paths.bytes_of(station, &datagram));
+        datagram.charged = bytes;
         match self.paths.admit(now, station, bytes, kind) {
             Verdict::Send if self.packs(station) => self.outbox.pack(datagram),
             Verdict::Send => self.outbox.push(datagram),
@@ -282,8 +283,9 @@ impl<'a> DliEffects<'a> {
         }
     }
 
-    fn may_go_to_group(&mut self, station: usize, datagram: &Datagram, kind: Kind) -> bool {
+    fn may_go_to_group(&mut self, station: usize, datagram: &mut Datagram, kind: Kind) -> bool {
         let (now, bytes) = (self.now.mono, self.paths.bytes_of(station, datagram));
+        datagram.charged = bytes;
         let may = self.paths.admit_to_group(now, station, bytes, kind);
         if !may {
             self.counters.count("group over the rate");
@@ -431,8 +433,8 @@ impl<'a> DliEffects<'a> {
         }
         if self.multicast
             && delivery.to_group()
-            && let Some(datagram) = compose(Destination::Multicast)
-            && self.may_go_to_group(origin.station, &datagram, Kind::Acknowledgement)
+            && let Some(mut datagram) = compose(Destination::Multicast)
+            && self.may_go_to_group(origin.station, &mut datagram, Kind::Acknowledgement)
         {
             self.outbox.push(datagram);
         }

@@ -32,6 +32,8 @@ pub struct Datagram {
     pub to: Destination,
     message_type: u16,
     destination: Id,
+    /// The bytes that it was charged: its station may speak another edition by the time it is sent.
+    pub(crate) charged: usize,
     length: usize,
     bytes: [u8; MAX_DATAGRAM],
 }
@@ -63,6 +65,7 @@ impl Datagram {
             to,
             message_type: 0,
             destination,
+            charged: 0,
             length: 0,
             bytes: [0; MAX_DATAGRAM],
         };
@@ -86,6 +89,7 @@ impl Datagram {
         };
         room.copy_from_slice(other.bytes());
         self.length = end;
+        self.charged += other.charged;
         true
     }
 
@@ -370,6 +374,7 @@ impl Outbox {
             to,
             message_type: message.id(),
             destination: envelope.destination,
+            charged: 0,
             length: 0,
             bytes: [0; MAX_DATAGRAM],
         };
@@ -410,7 +415,9 @@ impl Outbox {
         let stamped = decoded.map(|message| message.stamped(stamp));
         let again =
             stamped.map(|message| Outbox::compose(datagram.to, profile, &envelope, &message));
-        again.ok().flatten().unwrap_or(datagram)
+        let charged = datagram.charged;
+        let again = again.ok().flatten();
+        again.map_or(datagram, |again| Datagram { charged, ..again })
     }
 
     /// Queues a datagram for the socket.
@@ -443,15 +450,18 @@ impl Outbox {
         self.sent.count(datagram.message_type.into());
     }
 
-    /// Puts the messages of a datagram back before all others, each in one of its own.
+    /// Puts the messages of a datagram back before all others, each in one of its own. The first has what all were charged.
     pub(crate) fn put_back<'a>(
         &mut self,
         packed: &Datagram,
         messages: impl Iterator<Item = Frame<'a>>,
     ) {
-        let each: Vec<_> = messages
+        let mut each: Vec<_> = messages
             .filter_map(|one| packed.translated(one.bytes))
             .collect();
+        for later in each.iter_mut().skip(1) {
+            later.charged = 0;
+        }
         for datagram in each.into_iter().rev() {
             self.queue.push_front(datagram);
         }

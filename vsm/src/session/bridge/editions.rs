@@ -421,9 +421,8 @@ impl Bridge {
             }
             station.translator.keep_time(self.outbox.last_stamp_ms());
             let translated = station.translator.outbound(&envelope, of, &message);
-            let charged = self.paths.bytes_of(index, &datagram);
             let bytes = translated.iter().map(Vec::len).sum();
-            if !self.paths.settle(index, datagram.to, charged, bytes) {
+            if !self.paths.settle(index, &datagram, bytes) {
                 self.counters.count("unproven address");
                 continue;
             }

@@ -31,19 +31,13 @@ impl Paths {
         station.map_or(datagram.bytes().len(), |one| one.bytes_of(datagram))
     }
 
-    /// Corrects a charge to the actual size. Returns false if that must not be sent to the address.
-    pub(crate) fn settle(
-        &mut self,
-        index: usize,
-        to: Destination,
-        charged: usize,
-        bytes: usize,
-    ) -> bool {
-        let limits = self.limits;
+    /// Corrects what a datagram was charged to its actual size. Returns false if that must not be sent to the address.
+    pub(crate) fn settle(&mut self, index: usize, datagram: &Datagram, bytes: usize) -> bool {
+        let (limits, charged) = (self.limits, datagram.charged);
         let Some(station) = self.stations.get_mut(index) else {
             return true;
         };
-        let (path, rate) = match to {
+        let (path, rate) = match datagram.to {
             Destination::Unicast(address) => {
                 let all = station.current.iter_mut().chain(&mut station.candidates);
                 let path = all.into_iter().find(|path| path.address == address);
@@ -52,10 +46,14 @@ impl Paths {
             Destination::Multicast => (station.current.as_mut(), &mut station.group),
         };
         rate.settle(charged, bytes, &limits);
-        let Some(path) = path.filter(|path| !path.trusted && path.proven.is_none()) else {
-            return true;
+        let Some(path) = path else {
+            // Of an address that was displaced meanwhile there is no credit left to pay with.
+            return datagram.to == Destination::Multicast || bytes <= charged;
         };
-        let credit = match to {
+        if path.trusted || path.proven.is_some() {
+            return true;
+        }
+        let credit = match datagram.to {
             Destination::Unicast(_) => &mut path.credit,
             Destination::Multicast => &mut path.group_credit,
         };
@@ -149,14 +147,15 @@ impl Paths {
         let station = self.stations.get_mut(index)?;
         let (limits, unproven) = (&self.limits, &mut self.unproven);
         loop {
-            let (until, datagram) = station.waiting.pop_front()?;
+            let (until, mut datagram) = station.waiting.pop_front()?;
             if until < now {
                 station.missed = true;
                 continue;
             }
             let rest = std::mem::take(&mut station.waiting);
             let kind = Kind::of_answer(&datagram);
-            let verdict = station.admit(now, station.bytes_of(&datagram), kind, limits, unproven);
+            datagram.charged = station.bytes_of(&datagram);
+            let verdict = station.admit(now, datagram.charged, kind, limits, unproven);
             station.waiting = rest;
             match verdict {
                 Verdict::Send => return Some(datagram),

@@ -126,6 +126,16 @@ fn each_address_is_asked_and_charged_in_the_edition_of_what_came_from_there() {
     assert_eq!(left(&mut paths), Some(before - 128));
 }
 
+#[test]
+fn what_grows_is_not_sent_to_an_address_that_was_displaced_meanwhile() {
+    let mut paths = Paths::new(LIMITS, [None].into_iter());
+    let answer = Datagram::of_ed25(Destination::Unicast(FROM), Id(0x1b00_00a0), &[0; 34]);
+    let mut answer = answer.expect("it fits");
+    answer.charged = 34;
+    assert!(paths.settle(0, &answer, 34));
+    assert!(!paths.settle(0, &answer, 78));
+}
+
 /// Forged addresses in a station's name, and the station itself: how many datagrams go to them in three seconds, and when the
 /// station has proved its own address.
 fn beside_forgeries(

@@ -5,9 +5,10 @@ use std::net::SocketAddr;
 use kit::bridge::{cucs, vehicle_id};
 use serde_json::json;
 use stanag_msgs::Message;
-use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
+use stanag_msgs::enums::{AckType, ConfigRequestType, LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::{
-    CucsAuthorisationRequest, Heartbeat, PositiveHandoverAuthorisationRequest,
+    CucsAuthorisationRequest, FieldConfigurationRequest, Heartbeat,
+    PositiveHandoverAuthorisationRequest,
 };
 use vsm::session::Destination;
 
@@ -318,6 +319,42 @@ fn of_two_that_claim_a_station_each_is_asked_in_its_own_edition() {
         assert!(asked.contains(&(there, ed25)), "{address}: {asked:?}");
         assert!(!asked.contains(&(there, !ed25)), "{address}: {asked:?}");
     }
+}
+
+/// Somebody changes his edition before the VSM has sent what it answers in the other, and back. What each answer was charged is settled
+/// then, not what it would be charged now.
+#[test]
+fn who_changes_his_edition_before_he_is_answered_is_sent_three_times_what_came_from_him_at_most() {
+    let mut rig = Rig::new(Setup::default());
+    rig.run(9.0);
+    let mut forger = StationEd25::new(cucs(0), ([127, 0, 0, 9], 41_000).into());
+    let there = forger.address;
+    let configure = Message::from(FieldConfigurationRequest {
+        request_type: Some(ConfigRequestType::Loi4),
+        ..FieldConfigurationRequest::default()
+    });
+    let mut bytes = [0; stanag_msgs::MAX_DATAGRAM];
+    let envelope = stanag_msgs::Envelope::new(cucs(0), vehicle_id(0));
+    let length = configure.encode(&envelope, &mut bytes).expect("it fits");
+    let one = &bytes[..length];
+    let many = one.repeat(20);
+    let (mut came, mut sent) = (0, 0);
+    for _ in 0..20 {
+        let other = forger.datagram(&rig, Id::BROADCAST, 1, &json!({ "VSM ID": -1 }));
+        let now = rig.now();
+        let bridge = rig.bridge.as_mut().expect("it runs");
+        bridge.handle_dli(now, there, &many, &mut rig.store);
+        bridge.handle_dli(now, there, &other, &mut rig.store);
+        while let Some(answer) = bridge.poll_dli() {
+            sent += answer.bytes().len() as u64;
+        }
+        bridge.handle_dli(now, there, one, &mut rig.store);
+        came += (many.len() + other.len() + one.len()) as u64;
+        rig.run(0.3);
+    }
+    sent += rig.sent_to[&there].1;
+    assert!(sent <= 3 * came, "{sent} bytes for {came}");
+    assert!(sent > came, "{sent} bytes for {came}");
 }
 
 /// A station whose address nobody vouches for: it has asked, and proved nothing.
