@@ -10,7 +10,7 @@ use std::time::Duration;
 use mavlink_link::Now;
 use mavlink_link::store::{Changes, Progress};
 use stanag_msgs::enums::{AckType, AlertPriority};
-use stanag_msgs::{Envelope, Frame, Id, MAX_DATAGRAM, Message, TimeStamp};
+use stanag_msgs::{Envelope, Frame, Id, MAX_DATAGRAM, Message, TimeStamp, ed25};
 
 use super::context::Origin;
 use super::counters::ByType;
@@ -81,8 +81,12 @@ impl Datagram {
         }
     }
 
-    /// Takes the message of another behind its own; false where there is no room.
+    /// Takes the message of another behind its own; false where there is no room, as behind a question of Edition 2.5, which has one
+    /// message per datagram.
     fn take_in(&mut self, other: &Datagram) -> bool {
+        if ed25::is_ed25(self.bytes()) {
+            return false;
+        }
         let end = self.length + other.length;
         let Some(room) = self.bytes.get_mut(self.length..end) else {
             return false;
@@ -588,6 +592,18 @@ mod tests {
         let single: Vec<Datagram> = std::iter::from_fn(|| outbox.pop()).collect();
         assert_eq!(single.len(), fits.min(40));
         assert!(single.iter().all(|one| count(one) == 1 && one.to == to(1)));
+    }
+
+    #[test]
+    fn no_message_of_a_later_edition_is_packed_behind_a_question_of_edition_2_5() {
+        let later = to_station();
+        let mut outbox = Outbox::default();
+        outbox.push(Datagram::of_ed25(later.to, later.destination, b"2.5").unwrap());
+        outbox.pack(later.clone());
+        outbox.pack(later);
+        let all = std::iter::from_fn(|| outbox.pop());
+        let lengths: Vec<usize> = all.map(|one| one.bytes().len()).collect();
+        assert_eq!(lengths, [3, 2]);
     }
 
     fn to_station() -> Datagram {
