@@ -228,7 +228,8 @@ struct FarEnd(Option<SocketAddr>);
 impl Record for FarEnd {
     /// The vehicle's identification number.
     type Key = u32;
-    const DURABILITY: Durability = Durability::Process;
+    // Nothing follows from it: the thread that flies does not wait for it to be written.
+    const DURABILITY: Durability = Durability::Answered;
 
     fn name(vehicle: &u32) -> String {
         format!("far-end-{vehicle:08x}")
@@ -290,10 +291,15 @@ const MAX_LINGER: Duration = Duration::from_millis(100);
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use mavlink_link::exchange::Node;
     use mavlink_link::store::MemoryDisk;
+    use tokio::sync::Notify;
 
     use super::*;
+    use crate::shell::disk::FileDisk;
+    use crate::shell::queued_disk::QueuedDisk;
 
     const GROUND: SocketAddr =
         SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 14_550);
@@ -358,6 +364,20 @@ mod tests {
         assert_eq!(sent.map(|(to, _)| to), Some(Peer::Udp(AGENT)));
         // An unreadable record is one that is not there.
         assert_eq!(FarEnd::decode(b"127.0.0.1"), Ok(FarEnd(None)));
+    }
+
+    #[test]
+    fn a_thread_writes_where_the_other_end_was_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let disk = FileDisk::open(&folder.path().join("state")).unwrap();
+        let mut disk = QueuedDisk::new(disk, Arc::new(Notify::new())).unwrap();
+        let mut ground = open(Role::Ground, at(0), &MemoryDisk::default());
+        let before = disk.queued();
+        ground.store_far_end(Some(Peer::Udp(AGENT)), at(0).mono, &mut disk);
+        assert_eq!(disk.queued(), before + 1);
+        assert!(disk.wait(Duration::from_secs(20)));
+        let stored = disk.load::<FarEnd>(&ground.vehicle);
+        assert_eq!(stored, Ok(Some(FarEnd(Some(AGENT)))));
     }
 
     #[test]
