@@ -227,7 +227,9 @@ impl KeyExchange {
                 self.callers.served(at);
             }
         }
-        while with.is_stored()
+        // With a peer each would go there.
+        while !with.bridge.has_peer(self.index)
+            && with.is_stored()
             && let Machine::Paired(initiator) = &self.machine
             && let Some((to, message)) = self
                 .callers

@@ -17,7 +17,7 @@ use mavlink_link::exchange::{
 };
 use mavlink_link::frame::{FrameView, KEY_EXCHANGE_ID, MAX_FRAME};
 use mavlink_link::receiver::Stream;
-use mavlink_link::signing::{KeyId, SigningKey};
+use mavlink_link::signing::{KeyId, SigningKey, Stamp};
 use px4_sim::{Autopilot, Signing};
 use stanag_msgs::enums::AckType;
 use vsm::airside::{Agent, Side};
@@ -506,25 +506,21 @@ fn others() -> Vec<(MavMessage, Node)> {
     ]
 }
 
-/// Whether one of the frames that the bridge sends is an order to zeroize to that port.
-fn is_ordered(bridge: &mut Bridge, port: u16) -> bool {
-    let mut ordered = false;
-    while let Some((_, sent)) = bridge.poll_vehicle() {
-        let frame = FrameView::parse(sent.bytes()).unwrap();
-        let order = matches!(
-            Message::parse(frame.payload()),
-            Ok(Received::Exchange(message)) if message.step == Step::Order
-        );
-        ordered |= sent.to == at(port) && is_exchange(sent.bytes()) && order;
-    }
-    ordered
+/// A ground that listens and knows its agent by a pairing alone, and what that agent sends to ask for an exchange.
+struct Listening {
+    now: Now,
+    bridge: Bridge,
+    exchange: KeyExchange,
+    store: FileDisk,
+    keys: KeyStore,
+    please: Vec<u8>,
+    seed: u64,
+    _folder: tempfile::TempDir,
 }
 
-#[test]
-fn a_request_that_is_replayed_keeps_no_order_to_zeroize_from_the_agent() {
-    // The agent asks before the order, or after it.
-    for asks_at in [300, 1_300] {
-        let mut now = Now {
+impl Listening {
+    fn with(key: Option<SigningKey>) -> Listening {
+        let now = Now {
             mono: Duration::from_secs(100),
             wall: Duration::from_secs(1_795_246_260),
         };
@@ -563,36 +559,103 @@ fn a_request_that_is_replayed_keeps_no_order_to_zeroize_from_the_agent() {
         };
         let mut responder: Responder<u8> = Responder::new(responder, paired, now.mono);
         let please = responder.please(now.mono).unwrap().to_payload();
-        let please = frame(stream(AIR), KEY_EXCHANGE_ID, &please, None);
-
-        let end = LinkEnd {
-            key: None,
-            peer: None,
-        };
+        let end = LinkEnd { key, peer: None };
         let mut bridge = Bridge::new(&config, vec![end], now, NOT_BEFORE, &mut store).unwrap();
         let mut with = surroundings(&mut bridge, &mut store, &keys, &mut dice);
-        let mut exchange =
-            KeyExchange::open(&config, vehicle, 0, *settings, now, &mut with).unwrap();
-        let mut ordered = false;
+        let exchange = KeyExchange::open(&config, vehicle, 0, *settings, now, &mut with).unwrap();
+        Listening {
+            now,
+            bridge,
+            exchange,
+            store,
+            keys,
+            please: frame(stream(AIR), KEY_EXCHANGE_ID, &please, None),
+            seed: 1,
+            _folder: folder,
+        }
+    }
+
+    fn arrives(&mut self, from: u16, bytes: &[u8]) {
+        self.bridge.handle_vehicle(
+            self.now,
+            0,
+            at(from),
+            bytes,
+            &mut self.store,
+            &mut |_, _| {},
+        );
+        self.with_exchange(|exchange, now, with| exchange.handle(now, with));
+    }
+
+    fn is_asked_from(&mut self, port: u16) {
+        let please = self.please.clone();
+        self.arrives(port, &please);
+    }
+
+    fn order_zeroize(&mut self) {
+        self.with_exchange(|exchange, now, with| exchange.order_zeroize(now, false, with));
+    }
+
+    fn with_exchange(&mut self, act: impl FnOnce(&mut KeyExchange, Now, &mut Surroundings<'_>)) {
+        self.seed += 1;
+        let mut dice = dice(self.seed);
+        let mut with = surroundings(&mut self.bridge, &mut self.store, &self.keys, &mut dice);
+        act(&mut self.exchange, self.now, &mut with);
+    }
+
+    /// How many orders to zeroize have been sent to that port since the last call.
+    fn orders_to(&mut self, port: u16) -> usize {
+        let sent = std::iter::from_fn(|| self.bridge.poll_vehicle());
+        let orders = sent.filter(|(_, sent)| {
+            let frame = FrameView::parse(sent.bytes()).unwrap();
+            let order = matches!(
+                Message::parse(frame.payload()),
+                Ok(Received::Exchange(message)) if message.step == Step::Order
+            );
+            sent.to == at(port) && is_exchange(sent.bytes()) && order
+        });
+        orders.count()
+    }
+}
+
+#[test]
+fn a_request_that_is_replayed_keeps_no_order_to_zeroize_from_the_agent() {
+    // The agent asks before the order, or after it.
+    for asks_at in [300, 1_300] {
+        let mut ground = Listening::with(None);
+        let mut orders = 0;
         for ms in (0..2_000).step_by(10) {
-            now = now.after(Duration::from_millis(10));
-            let mut froms = vec![ATTACKER];
+            ground.now = ground.now.after(Duration::from_millis(10));
+            ground.is_asked_from(ATTACKER);
             if ms == asks_at {
-                froms.push(AGENT);
+                ground.is_asked_from(AGENT);
             }
-            for from in froms {
-                bridge.handle_vehicle(now, 0, at(from), &please, &mut store, &mut |_, _| {});
-                let mut with = surroundings(&mut bridge, &mut store, &keys, &mut dice);
-                exchange.handle(now, &mut with);
-                if ms == 1_000 {
-                    exchange.order_zeroize(now, false, &mut with);
-                }
-                ordered |= is_ordered(&mut bridge, AGENT);
+            if ms == 1_000 {
+                ground.order_zeroize();
             }
+            orders += ground.orders_to(AGENT);
         }
         assert!(
-            ordered,
+            orders > 0,
             "the agent that asks at {asks_at} ms is not reached"
         );
     }
+}
+
+#[test]
+fn what_is_owed_to_who_asked_does_not_go_to_an_agent_that_has_been_found() {
+    let mut ground = Listening::with(Some(key(5)));
+    for port in 1..=50 {
+        ground.is_asked_from(ATTACKER + port);
+    }
+    let autopilot = stream(Node {
+        system: 1,
+        component: 1,
+    });
+    let stamp = Stamp::from_unix(ground.now.wall + Duration::from_secs(1));
+    let beat = frame(autopilot, 0, &[1; 9], Some((&key(5), stamp)));
+    ground.arrives(AGENT, &beat);
+    assert!(ground.bridge.has_peer(0));
+    ground.order_zeroize();
+    assert_eq!(ground.orders_to(AGENT), 1);
 }
