@@ -275,7 +275,7 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         match Kind::from_wire(*first) {
             Some(Kind::Data) => {
                 let packet: &[u8; PACKET] = content.try_into().map_err(|_| Dropped::Length)?;
-                self.places.note_packet(from);
+                self.places.note();
                 let taken = self.take_packet(now, from, packet, disk);
                 if taken == Err(Dropped::Replayed) {
                     self.note_second(now.mono, from, packet);
@@ -428,16 +428,15 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
                 if source != self.keying.peer_node() {
                     return Err(Dropped::Station);
                 }
+                self.places.note();
                 let working = self.is_good_within(now.mono, WORKING_FOR);
                 let message = (from, source, frame.payload());
                 match self.keying.handle(now, message, working, random, disk) {
                     Shown::Nothing => {}
-                    Shown::Made => {
-                        self.places.note_message(from);
-                        if !self.is_good_within(now.mono, SILENCE) {
-                            self.places.note_call(from, now.mono);
-                        }
-                    }
+                    // What an air end is sent its exchange has answered.
+                    Shown::Made
+                        if self.keying.is_air() || self.is_good_within(now.mono, SILENCE) => {}
+                    Shown::Made => self.places.note_call(from, now.mono),
                     Shown::MadeNow => {
                         let _ = self.proven.prove(now.mono, from, Sender::Main, None);
                     }
@@ -460,15 +459,8 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
         self.proven.get().filter(|_| self.places.fixed().is_none())
     }
 
-    /// Where the other end may be: where it was, and, while nothing of it is received, elsewhere. It may have started again
-    /// with another port, and without keys it can prove nothing.
-    fn reach(&self, now: Duration) -> impl Iterator<Item = A> + use<A> {
-        let received = self.is_good_within(now, SILENCE);
-        self.places.all(self.proven.get(), received)
-    }
-
     fn is_reachable(&self) -> bool {
-        self.places.all(self.proven.get(), false).next().is_some()
+        self.places.is_any(self.proven.get())
     }
 
     /// Sends one MAVLink frame to the other end. Without keys it is dropped: the protocols above repeat what matters, and a
@@ -615,18 +607,19 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
                 None => {}
                 Some((Some(to), message)) => self.queue_message(to, &message),
                 Some((None, message)) => {
-                    for to in self.reach(now) {
+                    if let Some(to) = self.places.known(self.proven.get()) {
                         self.places.callers.served(to);
                         self.queue_message(to, &message);
                     }
                 }
             }
         }
+        let needs_keys = self.needs_keys();
         if self.out.is_empty()
             && let Some((to, message)) = self
                 .places
                 .callers
-                .poll(now, || self.keying.message_in_progress(disk))
+                .poll(now, || self.keying.message_for_caller(needs_keys, disk))
         {
             self.queue_message(to, &message);
         }

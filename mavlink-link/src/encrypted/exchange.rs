@@ -82,7 +82,7 @@ pub(super) enum Shown {
     Nothing,
     /// The other end has made it, and perhaps long ago: requests are the same at each start.
     Made,
-    /// The other end has made it now, for this exchange, and has agreed on keys.
+    /// The other end has made it now, for this exchange.
     MadeNow,
 }
 
@@ -248,11 +248,14 @@ impl<A: Copy + Eq + Hash> Keying<A> {
             after: before,
             until,
         });
-        if result == Err(Ignored::Limited) && !working && Message::is_request(payload) {
+        let requests = Message::is_request(payload);
+        if result == Err(Ignored::Limited) && !working && requests {
             self.hasten(now.mono, true);
         }
         match result {
             _ if agreed_now => Shown::MadeNow,
+            // All else that the ground takes answers its own message, a cookie too.
+            Ok(()) if self.role == Role::Ground && !requests => Shown::MadeNow,
             // A request that comes too early, or too often, has been authenticated nevertheless.
             Ok(()) | Err(Ignored::Limited | Ignored::Hint) => Shown::Made,
             Err(_) => Shown::Nothing,
@@ -395,13 +398,22 @@ impl<A: Copy + Eq + Hash> Keying<A> {
         }
     }
 
-    /// On the ground, what the attempt is sending, once what it promises is on the disk.
-    pub(super) fn message_in_progress(&mut self, disk: &dyn Disk) -> Option<Message> {
-        let Some(Machine::Ground(initiator)) = &self.machine else {
-            return None;
-        };
-        let message = initiator.message_in_progress()?;
-        self.is_stored(disk).then_some(message)
+    /// For who has called: from the ground what its attempt is sending, once what that promises is on the disk; from the air a
+    /// request.
+    pub(super) fn message_for_caller(
+        &mut self,
+        needs_keys: bool,
+        disk: &dyn Disk,
+    ) -> Option<Message> {
+        match self.machine.as_ref()? {
+            Machine::Ground(initiator) => {
+                let message = initiator.message_in_progress()?;
+                self.is_stored(disk).then_some(message)
+            }
+            Machine::Air(responder) => (needs_keys && self.staged.is_none())
+                .then(|| responder.hint())
+                .flatten(),
+        }
     }
 
     /// In the air, without keys: a request for an exchange, now and then.

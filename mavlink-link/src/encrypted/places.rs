@@ -1,9 +1,10 @@
 //! Where the other end may be while no packet of it has verified in this run.
 //!
-//! An end that was started again has no keys, so that every packet is as good as any: anybody can send one, and be the last to
-//! have done so however often the other end sends its own. What begins an exchange therefore goes to all of these: where an
-//! earlier process has found the other end, which nobody can change from outside; where the last message came from that
-//! the other end has made, perhaps long ago; where the last packet came from; and, once for each call, to [`Callers`].
+//! An end that was started again has no keys, so that every packet is as good as any: anybody can send one, from any address
+//! that he writes on it, and be the last to have done so however often the other end sends its own. What begins an exchange
+//! therefore goes to where an earlier process has found the other end, which nobody can change from outside, again and
+//! again; and to [`Callers`] once for each call: who only had his address forged is sent less than twice as much as was sent
+//! in his name.
 
 use core::time::Duration;
 
@@ -16,10 +17,8 @@ pub(super) struct Places<A> {
     fixed: Option<A>,
     /// Where an earlier process has found it.
     before: Option<A>,
-    /// Where the last message of an exchange came from that it has made.
-    message: Option<A>,
-    /// Where the last packet came from.
-    packet: Option<A>,
+    /// Something has arrived that may be of the other end.
+    received: bool,
     pub(super) callers: Callers<A>,
 }
 
@@ -28,8 +27,7 @@ impl<A: Copy + Eq> Places<A> {
         Self {
             fixed,
             before,
-            message: None,
-            packet: None,
+            received: false,
             callers: Callers::default(),
         }
     }
@@ -38,14 +36,19 @@ impl<A: Copy + Eq> Places<A> {
         self.fixed
     }
 
-    /// Anybody can have sent this.
-    pub(super) fn note_packet(&mut self, from: A) {
-        self.packet = Some(from);
+    /// Where it is, or was last. `proven`: where it was in this run.
+    pub(super) fn known(&self, proven: Option<A>) -> Option<A> {
+        self.fixed.or(proven).or(self.before)
     }
 
-    /// The other end has made this, now or long ago.
-    pub(super) fn note_message(&mut self, from: A) {
-        self.message = Some(from);
+    /// Whether there is anybody to send to.
+    pub(super) fn is_any(&self, proven: Option<A>) -> bool {
+        self.received || self.known(proven).is_some()
+    }
+
+    /// Anybody can have sent this.
+    pub(super) fn note(&mut self) {
+        self.received = true;
     }
 
     /// What came from there asks for keys.
@@ -53,21 +56,5 @@ impl<A: Copy + Eq> Places<A> {
         if self.fixed.is_none() {
             self.callers.note(from, now);
         }
-    }
-
-    /// All of them, each once. `proven`: where it was in this run; `received`: packets of it verify from there.
-    pub(super) fn all(
-        &self,
-        proven: Option<A>,
-        received: bool,
-    ) -> impl Iterator<Item = A> + use<A> {
-        let known = self.fixed.or(proven).or(self.before);
-        let is_open = self.fixed.is_none() && !received;
-        let message = self.message.filter(|at| is_open && Some(*at) != known);
-        let packet = self.packet.filter(|at| {
-            let other = Some(*at) != known && Some(*at) != message;
-            is_open && other
-        });
-        known.into_iter().chain(message).chain(packet)
     }
 }

@@ -389,6 +389,34 @@ fn neither_junk_nor_recorded_requests_keep_a_ground_that_knows_no_address_from_a
 }
 
 #[test]
+fn who_only_had_his_address_forged_is_sent_less_than_three_times_as_much() {
+    for listening in [GROUND, AIR] {
+        let mut world = found(listening);
+        let recorded = world.tape.iter().filter(|(by, _)| *by != listening);
+        let mut forged: Vec<_> = recorded
+            .map(|(_, bytes)| bytes.clone())
+            .filter(|bytes| bytes[1] == 2)
+            .collect();
+        forged.push(garbage());
+        // It knows of nobody, and the other end is gone.
+        world.ends[1 - listening].link = None;
+        world.ends[listening].found = None;
+        world.start(listening);
+        world.tape.clear();
+        for (bytes, to) in forged.iter().zip(ELSEWHERE..) {
+            world.arrive_from(to, listening, bytes);
+        }
+        world.run(Duration::from_secs(60), Duration::from_secs(1));
+        let count = |all: &[Vec<u8>]| all.iter().map(Vec::len).sum::<usize>();
+        let (sent, received) = (count(&all(&world)), count(&forged));
+        assert!(
+            sent > 0 && sent <= 3 * received,
+            "{listening}: {sent} bytes for {received}"
+        );
+    }
+}
+
+#[test]
 fn recorded_exchanges_from_elsewhere_do_not_move_an_end_that_works() {
     for listening in [GROUND, AIR] {
         let mut world = found(listening);
