@@ -358,7 +358,8 @@ fn a_request_that_forty_addresses_replay_does_not_keep_a_pairing_from_the_agent(
                 for one in &crowd {
                     let _ = one.send(&please);
                 }
-                std::thread::sleep(Duration::from_millis(10));
+                // As many as fit into the socket while its program has no processor: the agent's one must not be lost.
+                std::thread::sleep(Duration::from_millis(25));
             }
         });
         std::thread::sleep(Duration::from_millis(300));
