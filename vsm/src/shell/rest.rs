@@ -34,7 +34,8 @@ impl Rest {
     }
 }
 
-const REST: Duration = Duration::from_millis(100);
+/// A line that was unplugged wakes the thread four times a second until a person comes.
+const REST: Duration = Duration::from_millis(250);
 const LOGGED_EVERY: Duration = Duration::from_secs(60);
 
 #[cfg(test)]
