@@ -275,6 +275,8 @@ proptest! {
         // What looks like a start in the noise may reach beyond the end; it then waits, and gives up.
         parser.expire_pending();
         good.extend(parse(&mut parser, &[]).0);
+        // One candidate of 65,536 has the checksum of a MAVLink 1 frame by chance, and is skipped as one.
+        prop_assume!(parser.counts().mavlink1 == 0);
         prop_assert!(good.ends_with(&frames), "{} of {:?}", good.len(), parser.counts());
     }
 
