@@ -30,7 +30,8 @@ struct UsedKey {
     id: String,
 }
 
-vehicle_record!(UsedKey, "guard-used", Process);
+// Nothing follows from it but the next start.
+vehicle_record!(UsedKey, "guard-used", Answered);
 
 /// A datagram, before its content is read.
 pub(super) enum Opened<'a> {
