@@ -159,12 +159,10 @@ impl SharedFiles {
         let mut stored = locked(stored);
         let mut left = std::mem::take(&mut *locked(changed));
         let mut done = Ok(());
-        // Puts before removals, and the highest log number first. So a rotated log has its new name in etcd before the old
-        // one is removed, and a record is stored before the lines that it replaces are deleted. A change that arrives
-        // meanwhile is stored next time.
+        // Puts before removals. A change that arrives meanwhile is stored next time.
         let is_there = |name: &String| self.folder.join(name).exists();
         let (puts, removals): (Vec<String>, Vec<String>) = left.iter().cloned().partition(is_there);
-        for name in puts.into_iter().rev().chain(removals) {
+        for name in in_order(puts).chain(removals) {
             done = self.store_file(lane, &name, &mut stored);
             if done.is_err() {
                 break;
@@ -417,6 +415,14 @@ impl FileSystem for SharedFiles {
     }
 }
 
+/// Records before logs, and the highest number of a log first. So a record has in etcd what it replaces before these lines are
+/// deleted, or give way to others; and a rotated log has its new name before the old one is removed.
+fn in_order(puts: Vec<String>) -> impl Iterator<Item = String> {
+    let is_log = |name: &String| name.contains(".log");
+    let (logs, records): (Vec<String>, Vec<String>) = puts.into_iter().rev().partition(is_log);
+    records.into_iter().chain(logs)
+}
+
 /// Whether a file of the folder is stored in etcd: not locks, sockets, this node's own mark, or files still being written.
 /// Everything else is, whoever has put it there: a start has the folder equal etcd, and deletes the rest.
 pub(super) fn is_stored(name: &str) -> bool {
@@ -442,3 +448,30 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 const LANES: usize = 2;
 /// The suffix that the system adds to the name of a deleted open file.
 const DELETED: &str = " (deleted)";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_is_stored_before_the_log_that_continues_it_and_an_old_log_before_a_new_one() {
+        let changed = [
+            "audit-1.log",
+            "audit-1.log.1",
+            "audit-1.log.2",
+            "authority-1.json",
+            "plan-1.json",
+            "plan-1.log",
+        ];
+        let stored: Vec<String> = in_order(changed.map(String::from).to_vec()).collect();
+        let order = [
+            "plan-1.json",
+            "authority-1.json",
+            "plan-1.log",
+            "audit-1.log.2",
+            "audit-1.log.1",
+            "audit-1.log",
+        ];
+        assert_eq!(stored, order);
+    }
+}
