@@ -28,6 +28,8 @@
 //! }
 //! ```
 
+use std::time::Duration;
+
 use zeroize::Zeroizing;
 
 /// Files by name. A file that is replaced holds the old bytes or the new after a crash, never a part.
@@ -59,6 +61,13 @@ pub trait Disk {
             )),
             read => Ok(read),
         }
+    }
+
+    /// How long ago another computer wrote this file at most, as this one found it at its start; `None` where that is not known.
+    /// By no wall clock.
+    fn written_within(&self, name: &str) -> Option<Duration> {
+        let _ = name;
+        None
     }
 
     /// Replaces a file whole.
@@ -367,6 +376,7 @@ pub use memory::MemoryDisk;
 #[cfg(any(test, feature = "test-util"))]
 mod memory {
     use std::collections::{BTreeMap, VecDeque};
+    use std::time::Duration;
 
     use super::{Changes, Disk, Durability, Progress, StoreError};
     use zeroize::Zeroizing;
@@ -396,6 +406,8 @@ mod memory {
         pub queued: u64,
         /// All up to this one are durable, except those that are stuck.
         pub durable: u64,
+        /// How long ago another computer wrote each record at most.
+        pub written_within: Option<Duration>,
     }
 
     impl MemoryDisk {
@@ -446,6 +458,11 @@ mod memory {
             let waits = self.waiting.iter().rev().find(|one| one.1 == name);
             let bytes = waits.map(|one| &one.2).or(self.records.get(name));
             Ok(bytes.map(|bytes| Zeroizing::new(bytes[..bytes.len().min(max)].to_vec())))
+        }
+
+        fn written_within(&self, name: &str) -> Option<Duration> {
+            self.written_within
+                .filter(|_| self.records.contains_key(name))
         }
 
         fn replace(

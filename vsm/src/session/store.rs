@@ -39,6 +39,15 @@ impl Boot {
 }
 
 impl Uptime {
+    /// So long before this.
+    pub(crate) fn before(self, age: Duration) -> Uptime {
+        let age_ms = u64::try_from(age.as_millis()).unwrap_or(u64::MAX);
+        Uptime {
+            ms: self.ms.saturating_sub(age_ms),
+            ..self
+        }
+    }
+
     /// How long before `now` it was; `None` where it was before the computer was restarted, or at another computer.
     pub(crate) fn age(self, now: Uptime) -> Option<Duration> {
         let ms = now.ms.checked_sub(self.ms)?;
@@ -110,5 +119,7 @@ mod tests {
         assert_eq!(written.age(boot(1, 100).at(s(20))), Some(Duration::ZERO));
         assert_eq!(written.age(boot(2, 125).at(s(3))), None, "another boot");
         assert_eq!(written.age(boot(1, 100).at(s(19))), None, "not written yet");
+        let now = boot(2, 0).at(s(20));
+        assert_eq!(now.before(s(8)).age(now), Some(s(8)));
     }
 }

@@ -15,6 +15,7 @@ use std::os::unix::fs::{
 };
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Weak};
+use std::time::Duration;
 
 use mavlink_link::clock::CEILING;
 use mavlink_link::encrypted::ENCRYPTED;
@@ -274,6 +275,10 @@ impl Disk for FileDisk {
         read.map_err(|cause| StoreError::new(name, cause))
     }
 
+    fn written_within(&self, name: &str) -> Option<Duration> {
+        self.system.written_within(&self.folder.join(name))
+    }
+
     fn replace(
         &mut self,
         name: &str,
@@ -508,6 +513,12 @@ pub trait FileSystem: fmt::Debug + Send + Sync {
     /// computer continues.
     fn is_shared(&self) -> bool {
         false
+    }
+
+    /// As [`Disk::written_within`].
+    fn written_within(&self, path: &Path) -> Option<Duration> {
+        let _ = path;
+        None
     }
 
     /// The number of the last step that was accepted and is done later.

@@ -1,5 +1,7 @@
 //! What is configured for a lost controller is flown until the vehicle shows it, or something that brings it home.
 
+use std::time::Duration;
+
 use kit::bridge::{Rig, Setup, orders};
 use mavlink_link::dialect::{MANUAL_CONTROL_DATA, MavCmd, MavMessage};
 use mavlink_link::service::{Node, command};
@@ -128,6 +130,13 @@ fn what_a_restart_cuts_off_is_taken_up_by_its_true_age_and_not_by_the_wall_clock
         let returns = rig.until(40.0, |rig| rig.truth().mode == Px4::Rtl);
         assert!(returns, "{step_s}: {:?}", rig.stations[1].alerts());
     }
+    // Another node of a fleet continues, which stood by when the record was written.
+    let mut rig = between_two_attempts();
+    rig.boot += 1;
+    rig.store.written_within = Some(Duration::from_secs(3));
+    rig.restart_bridge();
+    let returns = rig.until(40.0, |rig| rig.truth().mode == Px4::Rtl);
+    assert!(returns, "{:?}", rig.stations[1].alerts());
     // The computer was off for a day, and begins with the time at which it was switched off: somebody may have put the vehicle on
     // hold since.
     let mut rig = between_two_attempts();

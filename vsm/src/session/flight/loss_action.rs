@@ -27,7 +27,7 @@ mod cut_off;
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
-use mavlink_link::store::{Store as _, StoreError};
+use mavlink_link::store::{Record as _, Store as _, StoreError};
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
 
 pub(super) use self::action::{Action, LossContext};
@@ -219,13 +219,21 @@ impl LossAction {
     /// # Errors
     /// A record exists and cannot be read.
     pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
-        let vehicle = effects.id;
+        let (vehicle, now) = (effects.id, effects.dli.uptime());
         let record = effects.disk().load::<Record>(&vehicle)?;
         let record = record.unwrap_or_default();
+        let of_this_boot = now.zip(record.written);
+        let of_this_boot = of_this_boot.filter(|(now, written)| written.age(*now).is_some());
+        let written = match of_this_boot {
+            Some((_, written)) => Some(written),
+            // The node of a fleet that takes over knows how old it is at most, if it stood by when this began.
+            None => {
+                let within = effects.disk().written_within(&Record::name(&vehicle));
+                now.zip(within).map(|(now, within)| now.before(within))
+            }
+        };
         self.stored = record.pending;
-        self.cut_off = record
-            .pending
-            .map(|pending| CutOff::of(pending, record.written));
+        self.cut_off = record.pending.map(|pending| CutOff::of(pending, written));
         Ok(())
     }
 
@@ -281,7 +289,9 @@ impl LossAction {
             cut_off.left = true;
             let why = match age {
                 _ if !holds => "",
-                None => ": how old the action is cannot be known, as the computer was restarted",
+                None => {
+                    ": how old the action is cannot be known after a restart of the computer, or at another one"
+                }
                 Some(age) if age > RECENT + SETTLES_WITHIN => ": it was begun over 60 s ago",
                 Some(_) => "",
             };

@@ -52,6 +52,8 @@ pub(super) struct Entry {
     pub(super) value: Vec<u8>,
     /// The revision that created it.
     pub(super) created: i64,
+    /// The revision that gave it this value.
+    pub(super) changed: i64,
 }
 
 /// One page of the keys of a range.
@@ -301,6 +303,8 @@ struct KeyValue {
     value: String,
     #[serde(default)]
     create_revision: Int64,
+    #[serde(default)]
+    mod_revision: Int64,
 }
 
 #[derive(Debug, Deserialize)]
@@ -333,6 +337,7 @@ impl Ranged {
                 key: String::from_utf8(decode(&one.key)?).map_err(io::Error::other)?,
                 value: decode(&one.value)?,
                 created: one.create_revision.0,
+                changed: one.mod_revision.0,
             })
         };
         Ok(Page {

@@ -13,6 +13,7 @@ use std::os::fd::AsRawFd as _;
 use std::os::unix::ffi::OsStringExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use mavlink_link::store::MAX_RECORD_BYTES;
 use sha2::{Digest as _, Sha256};
@@ -20,6 +21,7 @@ use zeroize::Zeroizing;
 
 use super::remote::{Head, Last, Remote};
 use crate::session::MAX_LOG_BYTES;
+use crate::shell::clock::since_boot;
 use crate::shell::disk::{
     ERASE_ORDER, FLEET_EPOCH, FileSystem, NativeFileSystem, is_being_written, keeps_its_room,
 };
@@ -37,6 +39,8 @@ pub(super) struct SharedFiles {
     /// The same without links and relative parts, as the system names open files.
     real: PathBuf,
     remote: Arc<Remote>,
+    /// The files that another node wrote, and after which moment since the boot of this computer, where that is known.
+    since: BTreeMap<String, Duration>,
     /// What links live by, and everything else: a link must not wait while a plan is stored.
     lanes: [Lane; 2],
 }
@@ -88,11 +92,12 @@ impl StoredLane {
 }
 
 impl SharedFiles {
-    /// For a folder that holds what etcd has.
+    /// For a folder that holds what etcd has. `since`: see there.
     pub(super) fn new(
         folder: &Path,
         remote: Arc<Remote>,
         heads: BTreeMap<String, Head>,
+        since: BTreeMap<String, Duration>,
     ) -> io::Result<SharedFiles> {
         let lanes: [Lane; 2] = Default::default();
         for (name, head) in heads {
@@ -110,6 +115,7 @@ impl SharedFiles {
             folder: folder.to_owned(),
             real: fs::canonicalize(folder)?,
             remote,
+            since,
             lanes,
         })
     }
@@ -412,6 +418,11 @@ impl FileSystem for SharedFiles {
 
     fn is_shared(&self) -> bool {
         true
+    }
+
+    fn written_within(&self, path: &Path) -> Option<Duration> {
+        let since = self.since.get(&self.name_of(path)?)?;
+        since_boot().checked_sub(*since)
     }
 }
 

@@ -1,6 +1,6 @@
 //! One node: it stands by, takes over, and keeps its lease.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -14,9 +14,10 @@ use tokio::sync::{mpsc, watch};
 
 use super::etcd::{Change, Condition, Entry, Etcd};
 use super::files::{MAX_TAKEN_OVER, SharedFiles, is_stored, max_bytes};
-use super::remote::{Names, Remote, Right};
+use super::remote::{Head, Names, Remote, Right};
 use super::seal::Seal;
 use crate::config::SharedStore;
+use crate::shell::clock::since_boot;
 use crate::shell::disk::{self, FLEET_EPOCH, FileDisk, FileSystem as _, NativeFileSystem};
 
 /// The node cannot take part.
@@ -186,10 +187,15 @@ pub fn stand_by(
         has_files: has_files(&disk)?,
         folder: disk.folder().to_owned(),
         seal: Seal::new(key),
+        looks: Looks::default(),
     };
     let (etcd, right, epoch) = loop {
-        let tried = Instant::now();
-        match node.try_once(&etcd) {
+        let (tried, began) = (Instant::now(), since_boot());
+        let turn = node.try_once(&etcd);
+        if let Ok(Turn::Wait(_)) = turn {
+            node.looks.note(began, etcd.revision());
+        }
+        match turn {
             Ok(Turn::Owner(created, sent, epoch)) => {
                 let right = Right {
                     created,
@@ -210,6 +216,7 @@ pub fn stand_by(
     node.mark.epoch = epoch;
     node.mark.revision = etcd.revision();
     node.mark.write(&node.folder)?;
+    let looks = std::mem::take(&mut node.looks);
     let remote = Arc::new(Remote::new(etcd, node.names.clone(), Seal::new(key), right));
     let (ends, ended) = mpsc::channel(1);
     let keep = Keep {
@@ -229,7 +236,7 @@ pub fn stand_by(
         stop: keeper_stop,
         thread: Some(thread),
     };
-    let Some(disk) = restore_until(&disk, &remote, stop, report)? else {
+    let Some(disk) = restore_until(&disk, &remote, &looks, stop, report)? else {
         return Ok(None);
     };
     let held = Held {
@@ -252,11 +259,12 @@ impl Drop for Keeper {
 fn restore_until(
     disk: &FileDisk,
     remote: &Arc<Remote>,
+    looks: &Looks,
     stop: &Stop,
     report: &mut dyn FnMut(&str),
 ) -> Result<Option<FileDisk>, FleetError> {
     loop {
-        match restore(disk, remote, stop) {
+        match restore(disk, remote, looks, stop) {
             Err(FleetError::Io(cause))
                 if cause.kind() == io::ErrorKind::Other
                     && Instant::now() < remote.right().until =>
@@ -277,11 +285,12 @@ fn restore_until(
 fn restore(
     disk: &FileDisk,
     remote: &Arc<Remote>,
+    looks: &Looks,
     stop: &Stop,
 ) -> Result<Option<FileDisk>, FleetError> {
     let folder = disk.folder();
     let names = disk.names().map_err(io::Error::other)?;
-    let files = if remote.etcd.get(&remote.names.complete())?.is_some() {
+    let files = if let Some(complete) = remote.etcd.get(&remote.names.complete())? {
         let heads = remote.heads()?;
         for name in names
             .iter()
@@ -309,9 +318,11 @@ fn restore(
                 disk::replace(&NativeFileSystem, &path, &bytes, false)?;
             }
         }
-        SharedFiles::new(folder, remote.clone(), heads)?
+        let since = looks.since(&heads, complete.created);
+        SharedFiles::new(folder, remote.clone(), heads, since)?
     } else {
-        let files = SharedFiles::new(folder, remote.clone(), BTreeMap::new())?;
+        let (none, unknown) = (BTreeMap::new(), BTreeMap::new());
+        let files = SharedFiles::new(folder, remote.clone(), none, unknown)?;
         files.store_all(&names)?;
         files
     };
@@ -357,6 +368,38 @@ struct Node {
     has_files: bool,
     folder: PathBuf,
     seal: Seal,
+    looks: Looks,
+}
+
+/// When this node has looked at etcd while it stood by, since the boot of its computer, and the revision that it has seen: what
+/// has a later one was stored after that look. So it knows how long ago another node stored a file at most, by its own time alone. A
+/// lease does not show that: an etcd that is started again gives the leases of before their whole time once more.
+#[derive(Debug, Default)]
+struct Looks(VecDeque<(Duration, i64)>);
+
+impl Looks {
+    /// A look that began then was answered with this revision.
+    fn note(&mut self, began: Duration, revision: i64) {
+        while self.0.front().is_some_and(|(at, _)| *at + KEPT < began) {
+            self.0.pop_front();
+        }
+        match self.0.back_mut() {
+            Some((at, last)) if *last == revision => *at = began,
+            _ => self.0.push_back((began, revision)),
+        }
+    }
+
+    /// After which moment each of these files was stored, where that is known. Those up to `complete` are of the folder of the
+    /// first owner: it may have written them long before.
+    fn since(&self, heads: &BTreeMap<String, Head>, complete: i64) -> BTreeMap<String, Duration> {
+        let later = heads.iter().filter(|(_, head)| head.changed > complete);
+        let since = later.filter_map(|(name, head)| {
+            let mut looks = self.0.iter().rev();
+            let (at, _) = looks.find(|(_, revision)| *revision < head.changed)?;
+            Some((name.clone(), *at))
+        });
+        since.collect()
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -712,3 +755,49 @@ pub(super) fn parse<T: for<'a> Deserialize<'a>>(bytes: &[u8]) -> io::Result<T> {
 const MARK_EVERY: Duration = Duration::from_secs(10);
 /// How often a node that stands by checks whether the VSM is free.
 const LOOK_AGAIN: Duration = Duration::from_millis(250);
+/// How long a look is remembered: longer than anything is that is taken up by its age.
+const KEPT: Duration = Duration::from_secs(120);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_stored_after_a_look_is_known_to_be_younger_and_nothing_else_is() {
+        let s = Duration::from_secs;
+        let mut looks = Looks::default();
+        for (at, revision) in [(1_000, 70), (1_100, 80), (1_101, 80), (1_102, 83)] {
+            looks.note(s(at), revision);
+        }
+        let heads = [69, 70, 71, 80, 81, 84].map(|changed| {
+            let head = Head {
+                changed,
+                ..Head::default()
+            };
+            (changed.to_string(), head)
+        });
+        let heads = BTreeMap::from(heads);
+        let since = |looks: &Looks, complete| {
+            let since = looks.since(&heads, complete).into_iter();
+            since.collect::<Vec<_>>()
+        };
+        let known = |name: &str, at| (name.to_owned(), s(at));
+        assert_eq!(
+            since(&looks, 60),
+            [
+                known("71", 1_000),
+                known("80", 1_000),
+                known("81", 1_101),
+                known("84", 1_102)
+            ]
+        );
+        // What the first owner has brought along may be of any age.
+        assert_eq!(since(&looks, 82), [known("84", 1_102)]);
+        // Nothing is kept for ever, and a node that has just begun to stand by knows nothing.
+        looks.note(s(1_121), 90);
+        assert_eq!(since(&looks, 60).first(), Some(&known("81", 1_101)));
+        let mut begun = Looks::default();
+        begun.note(s(2_000), 90);
+        assert!(since(&begun, 60).is_empty());
+    }
+}

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
 use zeroize::Zeroizing;
 
-use super::etcd::{Change, Condition, Etcd};
+use super::etcd::{Change, Condition, Entry, Etcd};
 use super::seal::Seal;
 use crate::shell::key_file::system_random;
 
@@ -57,6 +57,9 @@ pub(super) struct Head {
     pub(super) generation: u32,
     /// Its length, bytes.
     pub(super) length: u64,
+    /// etcd's revision that stored it, where it was read from there.
+    #[serde(skip)]
+    pub(super) changed: i64,
 }
 
 impl Names {
@@ -221,6 +224,7 @@ impl Remote {
         let head = Head {
             generation: self.generation.fetch_add(1, Ordering::Relaxed),
             length: bytes.len() as u64,
+            ..Head::default()
         };
         let mut changes = Vec::new();
         for (index, piece) in (0..).zip(bytes.chunks(PIECE)) {
@@ -295,10 +299,11 @@ impl Remote {
     pub(super) fn heads(&self) -> io::Result<BTreeMap<String, Head>> {
         let prefix = self.names.heads();
         let mut heads = BTreeMap::new();
-        self.each(&prefix, |key, sealed| {
-            let plain = self.seal.open(key, &sealed)?;
-            let head: Head = serde_json::from_slice(&plain).map_err(io::Error::other)?;
-            let file = key[prefix.len()..].to_owned();
+        self.each(&prefix, |entry| {
+            let plain = self.seal.open(&entry.key, &entry.value)?;
+            let mut head: Head = serde_json::from_slice(&plain).map_err(io::Error::other)?;
+            head.changed = entry.changed;
+            let file = entry.key[prefix.len()..].to_owned();
             // Above every stored generation, so that no piece of an earlier owner is overwritten.
             self.generation
                 .fetch_max(head.generation + 1, Ordering::Relaxed);
@@ -312,13 +317,13 @@ impl Remote {
     pub(super) fn read(&self, file: &str, head: Head, most: u64) -> io::Result<Zeroizing<Vec<u8>>> {
         let length = usize::try_from(head.length.min(most)).unwrap_or(usize::MAX);
         let mut bytes = Zeroizing::new(Vec::with_capacity(length.saturating_add(PIECE)));
-        self.each(&self.names.pieces(file, head.generation), |key, sealed| {
+        self.each(&self.names.pieces(file, head.generation), |entry| {
             // Surplus pieces come from an attempt that ended before its head was stored.
             let due = self
                 .names
                 .piece(file, head.generation, bytes.len() as u64 / PIECE as u64);
-            if bytes.len() < length && key == due {
-                bytes.extend_from_slice(&self.seal.open(key, &sealed)?);
+            if bytes.len() < length && entry.key == due {
+                bytes.extend_from_slice(&self.seal.open(&entry.key, &entry.value)?);
             }
             Ok(if bytes.len() < length {
                 ControlFlow::Continue(())
@@ -338,7 +343,7 @@ impl Remote {
     fn each(
         &self,
         prefix: &str,
-        mut then: impl FnMut(&str, Vec<u8>) -> io::Result<ControlFlow<()>>,
+        mut then: impl FnMut(&Entry) -> io::Result<ControlFlow<()>>,
     ) -> io::Result<()> {
         let (mut from, mut revision) = (prefix.to_owned(), 0);
         loop {
@@ -347,7 +352,7 @@ impl Remote {
             for entry in page.entries {
                 // The smallest key after this one.
                 from = format!("{}\0", entry.key);
-                if then(&entry.key, entry.value)?.is_break() {
+                if then(&entry)?.is_break() {
                     return Ok(());
                 }
             }

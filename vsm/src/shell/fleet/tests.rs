@@ -236,6 +236,44 @@ fn a_store_that_was_begun_is_finished_by_the_node_that_began_it() {
 }
 
 #[test]
+fn a_node_that_stood_by_knows_how_old_a_file_is_at_most_and_one_that_begins_does_not() {
+    if !kit::tools::is_installed("etcd") {
+        return;
+    }
+    let (etcd, folder) = (Etcd::start(1), tempfile::tempdir().unwrap());
+    let mut before = FileDisk::open(&folder.path().join("alpha")).unwrap();
+    before
+        .replace("of-days-ago", b"1", Durability::Power)
+        .unwrap();
+    drop(before);
+    let (store_of_alpha, alpha) = own(&etcd, "alpha", folder.path(), 7).unwrap();
+    let (shared, beta) = (store(&etcd, "beta"), folder.path().join("beta"));
+    let stands_by = std::thread::spawn(move || {
+        let disk = FileDisk::open_on(&beta, Box::new(NativeFileSystem)).unwrap();
+        let (key, stop) = (SigningKey::new([7; 32]).unwrap(), Stop::default());
+        stand_by((&shared, VSM), &key, disk, &stop, &mut |_| {}).unwrap()
+    });
+    // Some looks.
+    std::thread::sleep(Duration::from_secs(1));
+    let mut disk = QueuedDisk::new(store_of_alpha, Arc::new(Notify::new())).unwrap();
+    disk.replace("of-a-moment-ago", b"1", Durability::Power)
+        .unwrap();
+    durable(&mut disk);
+    drop((disk, alpha));
+    let (disk, beta) = stands_by.join().unwrap().expect("nobody stops it");
+    let within = disk.written_within("of-a-moment-ago");
+    let within = within.expect("it was stored after a look");
+    assert!(within < Duration::from_secs(30), "{within:?}");
+    assert_eq!(disk.written_within("of-days-ago"), None);
+
+    // As where the whole fleet is started.
+    drop((disk, beta));
+    let (disk, _gamma) = own(&etcd, "gamma", folder.path(), 7).unwrap();
+    assert!(disk.read("of-a-moment-ago", 10).unwrap().is_some());
+    assert_eq!(disk.written_within("of-a-moment-ago"), None);
+}
+
+#[test]
 fn a_drain_of_a_move_ends_without_the_one_who_ordered_it_and_not_in_place_of_a_lasting_one() {
     if !kit::tools::is_installed("etcd") {
         return;

@@ -287,7 +287,44 @@ fn the_wall_clock_does_not_show_how_old_a_cut_off_action_is() {
     for boot in [Some(2), None] {
         let (actions, text) = holds_after(moment, now + moment, boot);
         assert_eq!(actions, []);
-        assert!(text.ends_with("as the computer was restarted"), "{text}");
+        let why = "after a restart of the computer, or at another one";
+        assert!(text.ends_with(why), "{text}");
+    }
+}
+
+/// As the disk of the node that takes over knows, or does not know.
+#[test]
+fn what_another_node_has_begun_is_taken_up_only_where_it_is_known_to_be_recent() {
+    let s = Duration::from_secs;
+    for (within, acts, why) in [
+        (Some(s(5)), true, "it does not return"),
+        (Some(s(61)), false, "it was begun over 60 s ago"),
+        (None, false, "or at another one"),
+    ] {
+        let mut world = World::new();
+        world.disk = Box::new(MemoryDisk {
+            written_within: within,
+            ..MemoryDisk::default()
+        });
+        let mut before = begun(&world, OnLoss::Contingency, false);
+        world.act(|_, _, effects| before.store(effects));
+        world.boot = Some(Boot {
+            id: 2,
+            zero: s(1_000),
+        });
+        let mut machine = LossAction::default();
+        world.act(|_, _, effects| {
+            machine.restore(effects).expect("the record is read");
+            machine.report_cut_off(false, effects);
+        });
+        let holds = LossContext {
+            mode: Some(Px4Mode::LOITER),
+            ..flying(&world)
+        };
+        let actions = commanded(&mut world, &mut machine, holds, 7);
+        assert_eq!(actions.first() == Some(&Action::Return), acts, "{within:?}");
+        let text = standing(&world).concat();
+        assert!(text.contains(why), "{text}");
     }
 }
 
