@@ -15,7 +15,8 @@ use stanag_msgs::Id;
 pub struct Boot {
     /// The first 64 bits of its random name.
     pub id: u64,
-    /// The time since the boot, sleep of the computer included, at which the monotonic time was 0.
+    /// The time since the boot, sleep of the computer included, at which the monotonic time was 0: the shell notes where a sleep
+    /// has changed it (`Bridge::note_zero`).
     pub zero: Duration,
 }
 
@@ -27,8 +28,7 @@ pub(crate) struct Uptime {
 }
 
 impl Boot {
-    /// The moment of a monotonic time of this process. A process that lasts over a sleep of the computer is behind by that:
-    /// its records then pass for older than they are.
+    /// The moment of a monotonic time of this process.
     pub(crate) fn at(self, mono: Duration) -> Uptime {
         let since_boot = self.zero.saturating_add(mono);
         Uptime {

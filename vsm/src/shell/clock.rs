@@ -45,8 +45,13 @@ impl Clock {
         let name = name.or_else(|| env::var(BOOT_ID).ok())?;
         Some(Boot {
             id: boot_id(&name)?,
-            zero: since_boot().saturating_sub(self.mono()),
+            zero: self.zero(),
         })
+    }
+
+    /// The time since boot at which the monotonic time was 0: later by as long as the computer has slept since.
+    pub(super) fn zero(&self) -> Duration {
+        since_boot().saturating_sub(self.mono())
     }
 
     /// The instant of a monotonic time.

@@ -1,6 +1,8 @@
 //! Commands that are held until a condition: carried out when it is met, once, by who may; over restarts, silence, loss of
 //! control, pilots and failsafes.
 
+use std::time::Duration;
+
 use kit::bridge::{Rig, Setup, Ticket, cucs, orders, vehicle_id};
 use px4_sim::{HealthFaults, Mode as Px4, Param};
 use stanag_msgs::enums::{
@@ -337,6 +339,19 @@ fn it_survives_the_end_of_the_vsm_and_is_carried_out_once() {
         rig.station().answers(ticket).last(),
         Some(&AckType::CarriedOut)
     );
+}
+
+/// The time since boot counts a sleep, which the time of the process does not.
+#[test]
+fn a_computer_that_slept_changes_no_time_of_what_is_held_over_a_restart_of_the_vsm() {
+    let mut rig = flying();
+    rig.sleep_computer(Duration::from_secs(3_600));
+    let land = landing(&rig, 1, 10.0);
+    held(&mut rig, land);
+    rig.restart_bridge();
+    rig.run(5.0);
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+    assert!(rig.until(10.0, |rig| rig.truth().mode == Px4::Land));
 }
 
 #[test]

@@ -93,6 +93,8 @@ pub struct Rig {
     pub store: MemoryDisk,
     /// The boot of the bridge's computer: with another number its next start follows a restart of the computer.
     pub boot: u64,
+    /// How long that computer has slept.
+    slept: Duration,
     /// How long the disk takes to synchronise, where it `queues`: a synchronisation writes everything that was queued
     /// meanwhile.
     pub sync: Duration,
@@ -186,6 +188,7 @@ impl Rig {
             bridge: None,
             store: MemoryDisk::default(),
             boot: 1,
+            slept: Duration::ZERO,
             sync: Duration::ZERO,
             synced_at: None,
             dli: Network::new(setup.seed ^ 0x00d1_1d11, setup.dli),
@@ -289,6 +292,20 @@ impl Rig {
         !waiting.is_empty()
     }
 
+    /// The bridge's computer sleeps: its time since boot counts that, the monotonic time does not.
+    pub fn sleep_computer(&mut self, time: Duration) {
+        self.slept += time;
+        let zero = self.zero();
+        if let Some(bridge) = &mut self.bridge {
+            bridge.note_zero(zero);
+        }
+    }
+
+    /// The time since boot at which the process began.
+    fn zero(&self) -> Duration {
+        self.clock.elapsed() - self.now().mono + self.slept
+    }
+
     /// Starts the bridge.
     pub fn start_bridge(&mut self) {
         self.clock.restart_process();
@@ -301,7 +318,7 @@ impl Rig {
         let now = self.now();
         let boot = Boot {
             id: self.boot,
-            zero: self.clock.elapsed(),
+            zero: self.zero(),
         };
         let clocks = HostClocks {
             not_before: START,

@@ -340,6 +340,14 @@ impl Bridge {
         self.paths.set_secret(secret);
     }
 
+    /// The time since boot at which the monotonic time was 0 ([`Boot::zero`]), which a sleep of the computer changes: a record that is
+    /// written after that would pass for older, and a held command be carried out too early after a restart.
+    pub fn note_zero(&mut self, zero: Duration) {
+        if let Some(boot) = &mut self.boot {
+            boot.zero = zero;
+        }
+    }
+
     /// Switches logging of each datagram on or off. It is off by default, since the lines cost more than the datagrams.
     pub fn set_trace(&mut self, on: bool) {
         self.records.trace = on;

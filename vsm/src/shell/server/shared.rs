@@ -232,6 +232,7 @@ impl Shared {
     pub(super) fn with<T>(&self, act: impl FnOnce(&mut Core, Now) -> T) -> T {
         let mut core = self.core.borrow_mut();
         let now = self.clock.now();
+        core.bridge.note_zero(self.clock.zero());
         core.keep_to_lease(now.mono);
         let done = act(&mut core, now);
         core.step_exchanges(now, None, &self.events);
