@@ -173,14 +173,19 @@ impl QueuedDisk {
         std::mem::take(&mut self.news)
     }
 
+    /// Whether all changes up to this one are done, or cannot be.
+    pub(super) fn is_tried(&self, until: u64) -> bool {
+        let mut open = self.open.range(..=until);
+        open.all(|(_, family)| self.faults.contains_key(family))
+    }
+
     /// Waits until everything that can be is done; false if that takes longer, or something cannot be.
     pub fn wait(&mut self, within: Duration) -> bool {
         let end = Instant::now() + within;
         loop {
             // A result that is taken here must still be reported to the next poll.
             self.news |= self.poll();
-            let is_tried = |family: &String| self.faults.contains_key(family);
-            if self.compactions.is_empty() && self.open.values().all(is_tried) {
+            if self.compactions.is_empty() && self.is_tried(self.queued) {
                 return self.open.is_empty();
             }
             if Instant::now() >= end {

@@ -833,6 +833,27 @@ fn a_line_is_in_its_log_whenever_the_process_ends_while_that_is_made_shorter() {
 }
 
 #[test]
+fn what_is_on_its_way_is_waited_for_beside_what_cannot_be_written() {
+    let (folder, system) = (tempfile::tempdir().unwrap(), Full::default());
+    let store = folder.path().join("state");
+    let disk = FileDisk::open_on(&store, Box::new(system.clone())).expect("a store");
+    let mut disk = QueuedDisk::new(disk, Arc::new(Notify::new())).expect("a thread");
+    std::fs::create_dir(store.join("authority-1.json")).unwrap();
+    let stuck = outcome(&mut disk, save("authority-1.json"));
+    assert_eq!(stuck, Progress::Failing);
+    assert!(disk.is_tried(disk.queued()));
+    let turn = system.1.lock().unwrap();
+    save("authority-2.json")(&mut disk);
+    let until = disk.queued();
+    assert!(!disk.wait(Duration::from_millis(20)) && !disk.is_tried(until));
+    drop(turn);
+    assert!(!disk.wait(Duration::from_secs(20)), "one is stuck");
+    assert!(disk.is_tried(until));
+    let written = std::fs::read(store.join("authority-2.json")).unwrap();
+    assert_eq!(written, b"authority-2.json");
+}
+
+#[test]
 fn a_start_leaves_a_log_that_something_else_has_made_longer_as_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let store = folder.path().join("state");

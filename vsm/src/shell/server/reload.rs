@@ -20,7 +20,7 @@ use mavlink_link::Now;
 use mavlink_link::clock::Ceiling;
 use mavlink_link::service::text::one_line;
 use mavlink_link::signing::{KeyId, SigningKey};
-use mavlink_link::store::{self, Disk as _, Progress, Record as _};
+use mavlink_link::store::{Disk as _, Record as _};
 use stanag_msgs::Id;
 use tokio::net::UnixListener;
 use tokio::signal::unix::{SignalKind, signal};
@@ -188,8 +188,7 @@ impl Reading {
         }
         // A vehicle that was removed a moment ago may be added again: what it has left is read from its files.
         let until = shared.core.borrow().store.queued();
-        let left = store::Changes { after: 0, until };
-        let is_written = || shared.core.borrow().store.progress(left) != Progress::Waiting;
+        let is_written = || shared.core.borrow().store.is_tried(until);
         let written = async {
             while !is_written() {
                 sleep(LOOK_AGAIN).await;
