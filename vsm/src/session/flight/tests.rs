@@ -225,8 +225,17 @@ fn by_hand() -> (World, Flight) {
 
 #[test]
 fn a_mode_that_ends_the_sticks_is_commanded_again_once_they_are_missed_but_not_over_a_pilot() {
+    use MavState::{MAV_STATE_ACTIVE as ACTIVE, MAV_STATE_CRITICAL as CRITICAL};
     let missed = Duration::from_millis(1_100);
-    for shown in [Px4Mode::LOITER, Px4Mode::RTL, Px4Mode::POSCTL] {
+    for (shown, status, repeats) in [
+        (Px4Mode::LOITER, ACTIVE, true),
+        // COM_FAIL_ACT_T is 0.
+        (Px4Mode::RTL, CRITICAL, true),
+        // By switches of a remote control.
+        (Px4Mode::RTL, ACTIVE, false),
+        (Px4Mode::LAND, ACTIVE, false),
+        (Px4Mode::POSCTL, ACTIVE, false),
+    ] {
         let (mut world, mut flight) = by_hand();
         let answers = command(&mut world, &mut flight, select(Mode::Loiter));
         assert_eq!(answers, [AckType::Received]);
@@ -242,15 +251,12 @@ fn a_mode_that_ends_the_sticks_is_commanded_again_once_they_are_missed_but_not_o
         let early = acknowledgements(&world.sent_to(0));
         assert_eq!(early, [], "the failsafe is still to come");
         world.advance(missed);
-        if shown == Px4Mode::RTL {
-            // COM_FAIL_ACT_T is 0.
-            world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
-        }
+        world.vehicle.telemetry.system_status = Some(status);
         world.show_mode(shown);
         handle(&mut world, &mut flight, Input::Advance);
         let again = world.commanded_modes();
-        if shown == Px4Mode::POSCTL {
-            assert_eq!(again, []);
+        if !repeats {
+            assert_eq!(again, [], "{shown:?}");
             continue;
         }
         assert_eq!(again, [Px4Mode::LOITER]);

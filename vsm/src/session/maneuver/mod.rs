@@ -451,7 +451,9 @@ impl Maneuver {
                         let repeats = match again {
                             // Any other mode may be a pilot's or a failsafe's: it is not contested.
                             Again::WhereItHolds => vehicle.settled_mode() == Some(Px4Mode::LOITER),
-                            Again::AfterSticks => !is_with_a_pilot(vehicle),
+                            Again::AfterSticks => {
+                                confirmation.is_seen(vehicle) || !is_with_another(vehicle)
+                            }
                         };
                         let command = Step::Command {
                             command: *command,
@@ -619,10 +621,10 @@ fn submit(
     }
 }
 
-/// Whether a pilot or another station has taken it since the last command.
-fn is_with_a_pilot(vehicle: &VehicleState) -> bool {
+/// Whether a vehicle that is in another mode than was commanded last was put there by a pilot or another station: not by a failsafe.
+fn is_with_another(vehicle: &VehicleState) -> bool {
     vehicle.settled_mode().is_some()
-        && matches!(Other::of(&vehicle.telemetry), Some(Other::Pilot(_)))
+        && !matches!(Other::of(&vehicle.telemetry), Some(Other::Failsafe(_)))
 }
 
 fn refused(why: String) -> Progress {

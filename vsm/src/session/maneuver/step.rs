@@ -42,7 +42,7 @@ pub(crate) enum Step {
 pub(crate) enum Again {
     /// One that holds instead.
     WhereItHolds,
-    /// Any but one that a pilot has taken, also one that shows the mode.
+    /// One that shows the mode, flies a failsafe, or has shown nothing since: in any other mode a pilot or another station has it.
     ///
     /// PX4 takes the end of the sticks (2010) for their loss in whatever mode was commanded meanwhile: it holds, then returns
     /// (NAV_RCL_ACT). Only a mode that is commanded while this failsafe is active takes the vehicle over from it
