@@ -101,8 +101,15 @@ pub(crate) enum Gesture {
 /// noise about one place.
 #[derive(Debug, Default)]
 pub(crate) struct Movement {
-    last: Option<(f64, Sticks)>,
+    last: Option<Judged>,
     axes: [AxisMovement; 4],
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Judged {
+    at: f64,
+    came_at: f64,
+    sticks: Sticks,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -117,14 +124,37 @@ struct AxisMovement {
 impl Movement {
     /// Takes the next sticks, and returns whether they are moved faster than MAN_OVERRIDE_SPD.
     pub(crate) fn take(&mut self, now: f64, sticks: Sticks, params: &Params) -> bool {
-        let Some((at, before)) = self.last.replace((now, sticks)) else {
+        let judged = Judged {
+            at: now,
+            came_at: now,
+            sticks,
+        };
+        let Some(before) = self.last.replace(judged) else {
             return false;
         };
-        let span = now - at;
-        if span > params.get(Param::COM_RC_LOSS_T) {
+        if now - before.came_at > params.get(Param::COM_RC_LOSS_T) {
             self.axes = [AxisMovement::default(); 4];
             return false;
         }
+        self.judge(now - before.at, before.sticks, sticks, params)
+    }
+
+    /// The same of the last sticks, every 0.2 s without others (ManualControl::Run): until they are lost, a movement in which they ended
+    /// is judged again.
+    pub(crate) fn judge_again(&mut self, now: f64, params: &Params) -> bool {
+        let Some(last) = self.last.as_mut().filter(|last| now - last.at >= AGAIN_S) else {
+            return false;
+        };
+        let (span, sticks) = (now - last.at, last.sticks);
+        last.at = now;
+        if now - last.came_at > params.get(Param::COM_RC_LOSS_T) {
+            *self = Self::default();
+            return false;
+        }
+        self.judge(span, sticks, sticks, params)
+    }
+
+    fn judge(&mut self, span: f64, before: Sticks, sticks: Sticks, params: &Params) -> bool {
         if span <= 0.0 {
             return false;
         }
@@ -290,3 +320,5 @@ const DEADZONE: f64 = 0.1;
 const SMOOTHED_OVER_S: f64 = 0.05;
 /// Fewer in a row are noise.
 const SAMPLES_OF_ONE_WAY: u32 = 3;
+/// ManualControl::Run waits for sticks this long, s.
+const AGAIN_S: f64 = 0.2;

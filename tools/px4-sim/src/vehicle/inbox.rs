@@ -15,8 +15,7 @@ use mavlink_link::service::Node;
 use super::command::{Command, is_for};
 use super::operator::changes_state;
 use super::state::{ClockFault, Outgoing, Vehicle};
-use crate::config::{Airframe, Param};
-use crate::flight::commander::Commander;
+use crate::config::Param;
 use crate::flight::steering::{Setpoint, Sticks};
 
 impl Vehicle {
@@ -59,10 +58,7 @@ impl Vehicle {
                     self.sticks = Sticks::new(m);
                     self.commander.sticks(now, self.sticks.gesture());
                     let moved = self.movement.take(now, self.sticks, &self.params);
-                    // Of a multicopter, and of a VTOL that hovers.
-                    if moved && self.body.flown_as() != Airframe::Plane {
-                        self.decide(Commander::sticks_moved);
-                    }
+                    self.give_way_to_sticks(moved);
                 }
             }
             M::SET_POSITION_TARGET_LOCAL_NED(m)

@@ -67,6 +67,9 @@ impl Vehicle {
     }
 
     fn command(&mut self) {
+        let now = self.now();
+        let moved = self.movement.judge_again(now, &self.params);
+        self.give_way_to_sticks(moved);
         let was_armed = self.commander.is_armed();
         self.decide(Commander::step);
         let armed = self.commander.is_armed();
@@ -76,6 +79,13 @@ impl Vehicle {
         // By a gesture of the sticks: a command has set it.
         if armed && !was_armed {
             self.set_home();
+        }
+    }
+
+    /// Of a multicopter, and of a VTOL that hovers.
+    pub(crate) fn give_way_to_sticks(&mut self, moved: bool) {
+        if moved && self.body.flown_as() != Airframe::Plane {
+            self.decide(Commander::sticks_moved);
         }
     }
 

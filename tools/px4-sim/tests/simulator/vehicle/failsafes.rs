@@ -194,6 +194,27 @@ fn sticks_that_are_moved_take_the_vehicle_and_sticks_that_are_held_do_not() {
     assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
 }
 
+/// PX4 judges the last movement again until it misses the sticks, and counts the samples that went one way.
+#[test]
+fn sticks_that_end_as_they_move_take_the_next_mode_unless_they_have_stepped_back() {
+    for (back, mode) in [(false, Mode::PosCtl), (true, Mode::Loiter)] {
+        let mut flight = airborne();
+        stream(&mut flight, 1.0, &sticks(1000));
+        assert_eq!(flight.set_mode(Mode::PosCtl), Some(0));
+        stream(&mut flight, 1.0, &sticks(1000));
+        for x in (0..5).map(|step| 800 - 200 * step) {
+            flight.send(&sticks(x));
+            flight.run(0.02);
+        }
+        assert_eq!(flight.set_mode(Mode::Loiter), Some(0));
+        if back {
+            flight.send(&sticks(1));
+        }
+        flight.run(0.3);
+        assert_eq!(flight.vehicle.truth().mode, mode);
+    }
+}
+
 #[test]
 fn the_left_stick_in_a_lower_corner_arms_and_disarms() {
     let corner = |r| {
