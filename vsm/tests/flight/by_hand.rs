@@ -266,21 +266,24 @@ fn a_mode_after_a_landing_that_ended_the_sticks_is_flown_too() {
 /// A pilot lets go of the sticks as they command a hold, and PX4 takes sticks that move for a pilot who wants the vehicle.
 #[test]
 fn sticks_that_move_as_another_mode_is_commanded_do_not_take_the_vehicle_back() {
-    let mut rig = by_hand();
-    let mut hold = None;
-    // From full forward to full backward within a second.
-    for (step, forward) in (-5..=5_i8).rev().enumerate() {
-        if step == 5 {
-            hold = Some(rig.send(orders::mode(Mode::Loiter)));
+    // From full forward to full backward within a second, and a fifth of it.
+    for every_s in [0.1, 0.02] {
+        let mut rig = by_hand();
+        let mut hold = None;
+        for (step, forward) in (-5..=5_i8).rev().enumerate() {
+            if step == 5 {
+                hold = Some(rig.send(orders::mode(Mode::Loiter)));
+            }
+            rig.send_once(sticks(20 * forward, 0, 50));
+            rig.run(every_s);
         }
-        fly(&mut rig, 0.1, &sticks(20 * forward, 0, 50));
+        let end = rig.end(hold.expect("commanded"));
+        assert_eq!(end, Some(AckType::CarriedOut));
+        rig.run(8.0);
+        let alerts = rig.station().alerts();
+        assert_eq!(rig.truth().mode, Px4::Loiter, "{every_s}: {alerts:?}");
+        assert!(!rig.station().has_alert("took over"), "{alerts:?}");
     }
-    let end = rig.end(hold.expect("commanded"));
-    assert_eq!(end, Some(AckType::CarriedOut));
-    rig.run(8.0);
-    let alerts = rig.station().alerts();
-    assert_eq!(rig.truth().mode, Px4::Loiter, "{alerts:?}");
-    assert!(!rig.station().has_alert("took over"), "{alerts:?}");
 }
 
 /// PX4 arms when the left stick is in its lower right corner for a second.

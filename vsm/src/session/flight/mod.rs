@@ -845,10 +845,16 @@ impl Flight {
         let by_hand = mode == Some(Px4Mode::POSCTL);
         let leaves = |(_, maneuver): &(_, Maneuver)| maneuver.is_leaving(Px4Mode::POSCTL);
         let leaves = by_hand && self.maneuver.as_ref().is_some_and(leaves);
-        if leaves || context.vehicle.awaits_mode() {
+        let system = context.config.system_id;
+        if context.vehicle.awaits_mode() {
             return self.sticks.withhold(now);
         }
-        let system = context.config.system_id;
+        if leaves {
+            if let Some(still) = self.sticks.stand_still(now, system) {
+                effects.vehicle.post(MavMessage::MANUAL_CONTROL(still));
+            }
+            return self.sticks.withhold(now);
+        }
         let newer = context.vehicle.state_is_newer_than_command();
         match self.sticks.advance(now, (mode, newer), system) {
             Due::None => {}

@@ -7,12 +7,14 @@
 //! (COM_RC_LOSS_T, NAV_RCL_ACT). The stream ends with the mode; continuing needs another 2016.
 //!
 //! It ends as soon as another mode is commanded, before the vehicle shows that: sticks that are let go at that moment would take it
-//! back (MAN_OVERRIDE_SPD). PX4 then misses them in whatever mode follows, as it does sticks that fail, until a mode is commanded
-//! once it does: see [`Again::AfterSticks`](crate::session::maneuver).
+//! back (MAN_OVERRIDE_SPD), and so would those that were sent before ([`Sticks::stand_still`]). PX4 then misses them in whatever mode
+//! follows, as it does sticks that fail, until a mode is commanded once it does: see
+//! [`Again::AfterSticks`](crate::session::maneuver).
 //!
 //! No source gives the scale of the sticks: per cent of travel, -100 to 100, throttle 0 to 100. Right, forward (nose
 //! down) and clockwise are positive. An absent stick is centred, an absent throttle is half: hold the height.
 
+use std::array;
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
@@ -29,8 +31,35 @@ pub(crate) struct Sticks {
     /// When the last one was sent, and the minimum time to the next.
     sent: Duration,
     apart: Duration,
+    /// What was sent last: x, y, z and r.
+    last: Option<[Axis; 4]>,
     /// The vehicle has been sent some in this flight, and takes their end for a loss.
     expected: bool,
+}
+
+/// What was sent of an axis, and which way it moved last.
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    value: i16,
+    way: i16,
+}
+
+impl Axis {
+    fn new(value: i16) -> Axis {
+        Axis { value, way: 0 }
+    }
+
+    fn moved(self, value: i16) -> Axis {
+        let way = match value - self.value {
+            0 => self.way,
+            step => step.signum(),
+        };
+        Axis { value, way }
+    }
+
+    fn a_step_back(self) -> i16 {
+        self.value - self.way
+    }
 }
 
 /// The state of manual flight.
@@ -123,9 +152,23 @@ impl Sticks {
         self.due = self.due.max(now + PERIOD);
     }
 
+    /// The last sticks once more as another mode is entered, where they still come, each axis a step of a thousandth back.
+    ///
+    /// PX4 judges the last movement every 0.2 s until it misses the sticks (ManualControl::Run), and takes it for a pilot who wants the
+    /// vehicle where three samples in a row went one way (MovingDiff): none after that step has.
+    pub(super) fn stand_still(&mut self, now: Duration, system: u8) -> Option<MANUAL_CONTROL_DATA> {
+        if !self.fresh(now) || now < self.sent + self.apart {
+            return None;
+        }
+        let axes = self.last.take()?.map(Axis::a_step_back);
+        self.sent = now;
+        Some(message(axes, system))
+    }
+
     /// Ends the stream: mode 2 was not entered, or another mode is.
     pub(crate) fn release(&mut self) {
         self.stream = Stream::Off;
+        self.last = None;
     }
 
     /// `mode`: the last reported mode, and whether the report is newer than the last command that may change it.
@@ -153,6 +196,7 @@ impl Sticks {
                 return Due::None;
             }
             self.stream = Stream::Lost(now);
+            self.last = None;
             return Due::Stopped;
         }
         // Sticks that return while POSCTL is still flown need no new 2016.
@@ -169,13 +213,16 @@ impl Sticks {
             now + PERIOD
         };
         self.sent = now;
-        match &self.latest {
-            Some((_, sticks)) => {
-                self.expected = true;
-                Due::Send(manual_control(sticks, system))
-            }
-            None => Due::None,
-        }
+        let Some((_, sticks)) = &self.latest else {
+            return Due::None;
+        };
+        let axes = axes(sticks);
+        self.last = Some(match self.last {
+            Some(last) => array::from_fn(|axis| last[axis].moved(axes[axis])),
+            None => axes.map(Axis::new),
+        });
+        self.expected = true;
+        Due::Send(message(axes, system))
     }
 
     /// Whether the vehicle takes the end of the stream for a loss of the sticks.
@@ -213,16 +260,24 @@ pub(super) fn lost_within(parameters: &Parameters) -> Duration {
     Duration::from_secs_f64(parameters.sticks_last_s()) + Duration::from_millis(500)
 }
 
-fn manual_control(sticks: &UaStickCommand, system: u8) -> MANUAL_CONTROL_DATA {
+/// x, y, z and r of MANUAL_CONTROL.
+fn axes(sticks: &UaStickCommand) -> [i16; 4] {
     // DLI sticks are per cent, those of MANUAL_CONTROL per mille.
     let axis = |stick: Option<i8>| i16::from(stick.unwrap_or(0)) * 10;
-    let z =
-        (sticks.throttle_stick_engine_1).map_or(HALF_THROTTLE, |throttle| i16::from(throttle) * 10);
-    let r = axis(sticks.rotational_stick_rudder);
+    let throttle = sticks.throttle_stick_engine_1;
+    [
+        axis(sticks.longitudinal_stick),
+        axis(sticks.lateral_stick),
+        throttle.map_or(HALF_THROTTLE, |throttle| i16::from(throttle) * 10),
+        axis(sticks.rotational_stick_rudder),
+    ]
+}
+
+fn message([x, y, z, r]: [i16; 4], system: u8) -> MANUAL_CONTROL_DATA {
     MANUAL_CONTROL_DATA {
         target: system,
-        x: axis(sticks.longitudinal_stick),
-        y: axis(sticks.lateral_stick),
+        x,
+        y,
         z,
         // The left stick in a lower corner is a gesture to PX4: it arms and disarms (MAN_ARM_GESTURE), or stops the motors in
         // flight (MAN_KILL_GEST_T). That needs LOI 5, and has messages of its own (2008, 2005); sticks need LOI 4.
@@ -351,7 +406,7 @@ mod tests {
                     rotational_stick_rudder: Some(rudder),
                     ..UaStickCommand::default()
                 };
-                let sent = manual_control(&sticks, 1);
+                let sent = message(axes(&sticks), 1);
                 assert_eq!(sent.z, i16::from(throttle) * 10);
                 let as_it_is = i16::from(rudder) * 10;
                 let expected = if throttle < 10 {
@@ -362,6 +417,34 @@ mod tests {
                 assert_eq!(sent.r, expected, "{throttle}");
             }
         }
+    }
+
+    #[test]
+    fn the_last_sticks_step_back_once_as_another_mode_is_entered() {
+        let ms = Duration::from_millis;
+        let by_hand = (Some(Px4Mode::POSCTL), true);
+        let mut sticks = Sticks::default();
+        sticks.engage(ms(0), false);
+        assert_eq!(sticks.stand_still(ms(0), 1), None, "none were sent");
+        // Let go, and for the last samples held.
+        for (at, per_cent) in [(0, 100), (20, 50), (40, -100), (60, -100)] {
+            sticks.take(ms(at), &forward(at + 1, per_cent)).unwrap();
+            assert_eq!(
+                x(sticks.advance(ms(at), by_hand, 1)),
+                Some(i16::from(per_cent) * 10)
+            );
+        }
+        assert_eq!(sticks.stand_still(ms(61), 1), None, "too close to the last");
+        let still = sticks.stand_still(ms(80), 1).expect("sticks");
+        assert_eq!([still.x, still.y, still.z, still.r], [-999, 0, 500, 0]);
+        assert_eq!(still.target, 1);
+        assert_eq!(sticks.stand_still(ms(120), 1), None, "once");
+        // The mode was refused, and later they stop: PX4 misses them from then on.
+        sticks.take(ms(120), &forward(121, 30)).unwrap();
+        assert_eq!(x(sticks.advance(ms(120), by_hand, 1)), Some(300));
+        assert_eq!(sticks.advance(ms(120) + FRESH, by_hand, 1), Due::Stopped);
+        sticks.take(ms(500), &forward(501, 30)).unwrap();
+        assert_eq!(sticks.stand_still(ms(500), 1), None);
     }
 
     #[test]

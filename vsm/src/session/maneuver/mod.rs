@@ -241,9 +241,11 @@ impl Maneuver {
         self.ends_sticks
     }
 
-    /// Whether the vehicle is about to enter another mode than this, by a command that was sent.
+    /// Whether the vehicle is about to enter another mode than this, by a command that was sent, or is sent next.
     pub(crate) fn is_leaving(&self, mode: Px4Mode) -> bool {
-        matches!(self.basis, Basis::Entering) && !self.enters(mode)
+        let is_next = matches!(self.steps.front(), Some(Step::Command { .. }))
+            && self.steps.get(1).is_some_and(Step::confirms_a_mode);
+        (is_next || matches!(self.basis, Basis::Entering)) && !self.enters(mode)
     }
 
     /// The command that is sent if the maneuver fails after its arming step.
