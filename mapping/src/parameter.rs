@@ -217,11 +217,16 @@ pub fn range(name: &str) -> Option<Range> {
     })
 }
 
-/// Whether the vehicle uses a new value of this parameter only once it has restarted: by its metadata, else by the table.
+/// Whether the vehicle uses a new value of this parameter only once it has restarted: by the table where its metadata does not deny it,
+/// and by its metadata alone where the table does not have it. The metadata of PX4 v1.18 has `rebootRequired` also where the source
+/// denies it (jsonout.py), such as for the filters of the gyroscopes.
 #[must_use]
 pub fn applies_after_restart(name: &str, described: Option<&Described>) -> bool {
-    let by_table = || line(name).is_some_and(|line| line.split(',').nth(5) == Some("r"));
-    described.map_or_else(by_table, |of| of.restart)
+    let by_table = line(name).map(|line| line.split(',').nth(5) == Some("r"));
+    match described {
+        None => by_table.unwrap_or(false),
+        Some(described) => described.restart && by_table.unwrap_or(true),
+    }
 }
 
 /// The names of the table, sorted.
@@ -487,6 +492,17 @@ mod tests {
         for (name, by_table) in [("MNT_MODE_IN", true), ("NAV_DLL_ACT", false), ("A", false)] {
             assert_eq!(applies_after_restart(name, None), by_table, "{name}");
             assert!(!applies_after_restart(name, Some(&open)), "{name}");
+        }
+        let restart = Described {
+            restart: true,
+            ..open
+        };
+        for (name, waits) in [
+            ("MNT_MODE_IN", true),
+            ("IMU_GYRO_CUTOFF", false),
+            ("A", true),
+        ] {
+            assert_eq!(applies_after_restart(name, Some(&restart)), waits, "{name}");
         }
     }
 

@@ -230,7 +230,7 @@ fn help(name: &Name, described: Option<&Described>) -> String {
         "" => String::new(),
         unit => format!(" [{unit}]"),
     };
-    let after = match described.restart {
+    let after = match parameter::applies_after_restart(name.as_str(), Some(described)) {
         true => " (after a restart)",
         false => "",
     };
