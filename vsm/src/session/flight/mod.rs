@@ -384,6 +384,7 @@ impl Flight {
                 self.contingencies.yield_to_termination(effects);
                 self.end_running(context, TERMINATING, |_| true, effects);
                 // End the whole stream: sticks that still arrive would take the vehicle out of the commanded mode.
+                self.still_sticks(context, effects);
                 self.sticks.forget();
                 self.sticks.release();
                 self.steering.release();
@@ -845,16 +846,16 @@ impl Flight {
         let by_hand = mode == Some(Px4Mode::POSCTL);
         let leaves = |(_, maneuver): &(_, Maneuver)| maneuver.is_leaving(Px4Mode::POSCTL);
         let leaves = by_hand && self.maneuver.as_ref().is_some_and(leaves);
-        let system = context.config.system_id;
         if context.vehicle.awaits_mode() {
             return self.sticks.withhold(now);
         }
         if leaves {
-            if let Some(still) = self.sticks.stand_still(now, system) {
-                effects.vehicle.post(MavMessage::MANUAL_CONTROL(still));
+            if self.sticks.are_apart(now) {
+                self.still_sticks(context, effects);
             }
             return self.sticks.withhold(now);
         }
+        let system = context.config.system_id;
         let newer = context.vehicle.state_is_newer_than_command();
         match self.sticks.advance(now, (mode, newer), system) {
             Due::None => {}
@@ -862,6 +863,13 @@ impl Flight {
             Due::Stopped => effects.warn_of_link(
                 "the sticks (2010) have stopped: the vehicle acts by its own parameters",
             ),
+        }
+    }
+
+    fn still_sticks(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        let still = (self.sticks).stand_still(context.mono(), context.config.system_id);
+        if let Some(still) = still {
+            effects.vehicle.post(MavMessage::MANUAL_CONTROL(still));
         }
     }
 

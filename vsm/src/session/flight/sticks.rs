@@ -157,12 +157,14 @@ impl Sticks {
     /// PX4 judges the last movement every 0.2 s until it misses the sticks (ManualControl::Run), and takes it for a pilot who wants the
     /// vehicle where three samples in a row went one way (MovingDiff): none after that step has.
     pub(super) fn stand_still(&mut self, now: Duration, system: u8) -> Option<MANUAL_CONTROL_DATA> {
-        if !self.fresh(now) || now < self.sent + self.apart {
-            return None;
-        }
-        let axes = self.last.take()?.map(Axis::a_step_back);
+        let last = self.last.take().filter(|_| self.fresh(now))?;
         self.sent = now;
-        Some(message(axes, system))
+        Some(message(last.map(Axis::a_step_back), system))
+    }
+
+    /// Whether another may be sent, so that PX4 judges the last by itself.
+    pub(super) fn are_apart(&self, now: Duration) -> bool {
+        now >= self.sent + self.apart
     }
 
     /// Ends the stream: mode 2 was not entered, or another mode is.
@@ -434,7 +436,7 @@ mod tests {
                 Some(i16::from(per_cent) * 10)
             );
         }
-        assert_eq!(sticks.stand_still(ms(61), 1), None, "too close to the last");
+        assert!(!sticks.are_apart(ms(74)) && sticks.are_apart(ms(75)));
         let still = sticks.stand_still(ms(80), 1).expect("sticks");
         assert_eq!([still.x, still.y, still.z, still.r], [-999, 0, 500, 0]);
         assert_eq!(still.target, 1);

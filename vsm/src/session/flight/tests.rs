@@ -275,6 +275,17 @@ fn a_mode_that_ends_the_sticks_is_commanded_again_once_they_are_missed_but_not_o
 }
 
 #[test]
+fn the_last_sticks_stand_still_where_a_termination_ends_them() {
+    let (mut world, mut flight) = by_hand();
+    world.advance(Duration::from_millis(5));
+    handle(&mut world, &mut flight, Input::YieldToTermination);
+    assert_eq!(world.posts().len(), 1);
+    world.advance(Duration::from_millis(100));
+    command(&mut world, &mut flight, sticks());
+    assert!(world.posts().is_empty());
+}
+
+#[test]
 fn sticks_fly_on_where_the_mode_that_was_to_end_them_is_refused() {
     let (mut world, mut flight) = by_hand();
     command(&mut world, &mut flight, select(Mode::Loiter));
