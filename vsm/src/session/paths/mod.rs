@@ -43,7 +43,7 @@ pub(crate) use self::credit::Verdict;
 pub(crate) use self::proof::{Proof, question_bytes};
 pub(crate) use self::rate::Kind;
 use self::rate::Rate;
-use self::senders::Senders;
+use self::senders::{Origin, Senders, computer_of};
 use self::unproven::UnprovenRate;
 use super::limits::Limits;
 use super::outbox::Datagram;
@@ -152,6 +152,30 @@ impl Paths {
             Some(_) => {}
             None => self.stations.push(Station::new(trusted)),
         }
+    }
+
+    /// Takes a message in a station's name out of the bucket of where it came from; false where that is empty.
+    pub(crate) fn takes(
+        &mut self,
+        now: Duration,
+        index: usize,
+        from: SocketAddr,
+        rate: super::limits::Rate,
+    ) -> bool {
+        let Some(station) = self.stations.get_mut(index) else {
+            return true;
+        };
+        let origin = Origin {
+            address: from,
+            here: station.current.as_ref().map(|path| path.address),
+            answers: station.find(from).is_some_and(|path| path.rounds > 0),
+        };
+        station.senders.take(now, &origin, &self.secret, rate)
+    }
+
+    /// Which part of all computers an address is in.
+    pub(crate) fn computer(&self, address: SocketAddr) -> usize {
+        computer_of(&self.secret, address)
     }
 
     /// The address that the station is sent to.

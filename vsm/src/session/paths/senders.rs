@@ -16,7 +16,6 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use super::Paths;
 use super::unproven::part_of;
 use crate::session::allowance::Allowance;
 use crate::session::limits::{COMPUTERS, Rate};
@@ -30,42 +29,42 @@ pub(super) struct Senders {
     newcomers: [Allowance; COMPUTERS + 1],
 }
 
-impl Paths {
-    /// Takes a message in a station's name out of the bucket of where it came from; false where that is empty.
-    pub(crate) fn takes(
+/// Where a message in a station's name comes from.
+#[derive(Debug)]
+pub(super) struct Origin {
+    pub(super) address: SocketAddr,
+    /// Where the station is.
+    pub(super) here: Option<SocketAddr>,
+    /// It has answered a question.
+    pub(super) answers: bool,
+}
+
+impl Senders {
+    /// Takes a message out of the bucket of where it came from; false where that is empty.
+    pub(super) fn take(
         &mut self,
         now: Duration,
-        index: usize,
-        from: SocketAddr,
+        from: &Origin,
+        secret: &[u8; 32],
         rate: Rate,
     ) -> bool {
-        let Some(station) = self.stations.get_mut(index) else {
-            return true;
-        };
-        let here = station.current.as_ref().map(|path| path.address);
-        if here == Some(from) {
-            return station.senders.own.take(now, rate);
+        if from.here == Some(from.address) {
+            return self.own.take(now, rate);
         }
-        let answers = station.find(from).is_some_and(|path| path.rounds > 0);
-        let senders = &mut station.senders;
-        if answers && senders.answering.take(now, rate) {
+        if from.answers && self.answering.take(now, rate) {
             return true;
         }
-        let computer = match here {
-            Some(here) if here.ip() == from.ip() => COMPUTERS,
-            _ => computer_of(&self.secret, from),
+        let computer = match from.here {
+            Some(here) if here.ip() == from.address.ip() => COMPUTERS,
+            _ => computer_of(secret, from.address),
         };
-        let bucket = senders.newcomers.get_mut(computer);
+        let bucket = self.newcomers.get_mut(computer);
         bucket.is_some_and(|bucket| bucket.take(now, rate))
-    }
-
-    /// Which part of all computers an address is in.
-    pub(crate) fn computer(&self, address: SocketAddr) -> usize {
-        computer_of(&self.secret, address)
     }
 }
 
-fn computer_of(secret: &[u8; 32], address: SocketAddr) -> usize {
+/// Which part of all computers an address is in.
+pub(super) fn computer_of(secret: &[u8; 32], address: SocketAddr) -> usize {
     part_of(secret, address.ip(), None, COMPUTERS)
 }
 
@@ -75,7 +74,7 @@ mod tests {
 
     use super::*;
     use crate::session::limits::Limits;
-    use crate::session::paths::Proof;
+    use crate::session::paths::{Paths, Proof};
 
     const LIMITS: Limits = Limits {
         lease: Duration::from_secs(60),
