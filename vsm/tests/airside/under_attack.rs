@@ -519,7 +519,7 @@ struct Listening {
 }
 
 impl Listening {
-    fn with(key: Option<SigningKey>) -> Listening {
+    fn start() -> Listening {
         let now = Now {
             mono: Duration::from_secs(100),
             wall: Duration::from_secs(1_795_246_260),
@@ -559,7 +559,10 @@ impl Listening {
         };
         let mut responder: Responder<u8> = Responder::new(responder, paired, now.mono);
         let please = responder.please(now.mono).unwrap().to_payload();
-        let end = LinkEnd { key, peer: None };
+        let end = LinkEnd {
+            key: Some(key(5)),
+            peer: None,
+        };
         let mut bridge = Bridge::new(&config, vec![end], now, NOT_BEFORE, &mut store).unwrap();
         let mut with = surroundings(&mut bridge, &mut store, &keys, &mut dice);
         let exchange = KeyExchange::open(&config, vehicle, 0, *settings, now, &mut with).unwrap();
@@ -622,7 +625,7 @@ impl Listening {
 fn a_request_that_is_replayed_keeps_no_order_to_zeroize_from_the_agent() {
     // The agent asks before the order, or after it.
     for asks_at in [300, 1_300] {
-        let mut ground = Listening::with(None);
+        let mut ground = Listening::start();
         let mut orders = 0;
         for ms in (0..2_000).step_by(10) {
             ground.now = ground.now.after(Duration::from_millis(10));
@@ -644,7 +647,7 @@ fn a_request_that_is_replayed_keeps_no_order_to_zeroize_from_the_agent() {
 
 #[test]
 fn what_is_owed_to_who_asked_does_not_go_to_an_agent_that_has_been_found() {
-    let mut ground = Listening::with(Some(key(5)));
+    let mut ground = Listening::start();
     for port in 1..=50 {
         ground.is_asked_from(ATTACKER + port);
     }
