@@ -388,9 +388,12 @@ impl GroundStation {
             }
         };
         let in_force = keys.first().map(|(key, _)| key.id());
-        if self.used_key != in_force {
-            end.give_grace(now.mono + GRACE);
-        }
+        let is_used = self.used_key == in_force;
+        end.give_grace(if is_used {
+            Duration::ZERO
+        } else {
+            now.mono + GRACE
+        });
         end.set_keys(keys, not_before, now, disk)?;
         self.guard = Some(end);
         Ok(())
