@@ -19,23 +19,25 @@ pub(crate) struct Sticks {
 
 impl Sticks {
     /// From the message; an axis with INT16_MAX is absent and counts as centred.
+    ///
+    /// In single precision and by a multiplication, as PX4 is compiled (-freciprocal-math): 900 becomes more than 0.9.
     pub(crate) fn new(m: &MANUAL_CONTROL_DATA) -> Self {
         let axis = |v: i16| {
             if v == i16::MAX {
                 0.0
             } else {
-                (f64::from(v) / 1000.0).clamp(-1.0, 1.0)
+                f64::from((f32::from(v) * 0.001).clamp(-1.0, 1.0))
             }
         };
         let throttle = if m.z == i16::MAX {
             0.0
         } else {
-            f64::from(m.z) / 500.0 - 1.0
+            f64::from((f32::from(m.z) * 0.001 * 2.0 - 1.0).clamp(-1.0, 1.0))
         };
         Self {
             forward: axis(m.x),
             right: axis(m.y),
-            up: throttle.clamp(-1.0, 1.0),
+            up: throttle,
             turn: axis(m.r),
         }
     }
@@ -47,9 +49,10 @@ impl Sticks {
 
     /// The corner in which the left stick is while the right one is centred.
     pub(crate) fn gesture(&self) -> Option<Gesture> {
-        let centred = self.forward.abs() < 0.1 && self.right.abs() < 0.1;
-        let low = centred && self.up < -0.8;
-        match self.turn {
+        let [forward, right, up, turn] = self.axes().map(|axis| axis as f32);
+        let centred = forward.abs() < 0.1 && right.abs() < 0.1;
+        let low = centred && up < -0.8;
+        match turn {
             turn if low && turn > 0.9 => Some(Gesture::Arm),
             turn if low && turn < -0.9 => Some(Gesture::Disarm),
             _ => None,

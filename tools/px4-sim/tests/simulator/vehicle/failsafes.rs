@@ -229,11 +229,12 @@ fn the_left_stick_in_a_lower_corner_arms_and_disarms() {
     stream(&mut flight, 0.5, &corner(1000));
     assert_eq!(flight.set_mode(Mode::PosCtl), Some(0));
     // Not quite in it.
-    stream(&mut flight, 2.0, &corner(900));
+    stream(&mut flight, 2.0, &corner(890));
     assert!(!flight.vehicle.truth().armed);
-    stream(&mut flight, 1.3, &corner(1000));
+    // More than 0.9 in single precision.
+    stream(&mut flight, 1.3, &corner(900));
     assert!(flight.vehicle.truth().armed);
-    stream(&mut flight, 1.3, &corner(-1000));
+    stream(&mut flight, 1.3, &corner(-900));
     assert!(!flight.vehicle.truth().armed);
     flight.run(0.5);
     assert!(flight.has_text("Armed by stick gesture"));
