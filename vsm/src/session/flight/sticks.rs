@@ -267,11 +267,19 @@ fn axes(sticks: &UaStickCommand) -> [i16; 4] {
     // DLI sticks are per cent, those of MANUAL_CONTROL per mille.
     let axis = |stick: Option<i8>| i16::from(stick.unwrap_or(0)) * 10;
     let throttle = sticks.throttle_stick_engine_1;
+    let z = throttle.map_or(HALF_THROTTLE, |throttle| i16::from(throttle) * 10);
+    let r = axis(sticks.rotational_stick_rudder);
     [
         axis(sticks.longitudinal_stick),
         axis(sticks.lateral_stick),
-        throttle.map_or(HALF_THROTTLE, |throttle| i16::from(throttle) * 10),
-        axis(sticks.rotational_stick_rudder),
+        z,
+        // The left stick in a lower corner is a gesture to PX4: it arms and disarms (MAN_ARM_GESTURE), or stops the motors in
+        // flight (MAN_KILL_GEST_T). That needs LOI 5, and has messages of its own (2008, 2005); sticks need LOI 4.
+        if z < LOW {
+            r.clamp(-NO_GESTURE, NO_GESTURE)
+        } else {
+            r
+        },
     ]
 }
 
@@ -281,13 +289,7 @@ fn message([x, y, z, r]: [i16; 4], system: u8) -> MANUAL_CONTROL_DATA {
         x,
         y,
         z,
-        // The left stick in a lower corner is a gesture to PX4: it arms and disarms (MAN_ARM_GESTURE), or stops the motors in
-        // flight (MAN_KILL_GEST_T). That needs LOI 5, and has messages of its own (2008, 2005); sticks need LOI 4.
-        r: if z < LOWEST_TENTH {
-            r.clamp(-NO_GESTURE, NO_GESTURE)
-        } else {
-            r
-        },
+        r,
         ..MANUAL_CONTROL_DATA::default()
     }
 }
@@ -304,9 +306,10 @@ const PERIOD: Duration = Duration::from_millis(40);
 /// is not delayed.
 const SHORTEST: Duration = Duration::from_millis(15);
 const HALF_THROTTLE: i16 = 500;
-/// Below this throttle the rudder makes a gesture, and beyond this rudder (ManualControl::processStickArming).
-const LOWEST_TENTH: i16 = 100;
-const NO_GESTURE: i16 = 900;
+/// PX4 sees a gesture below a throttle of 100 and beyond a rudder of 900 (ManualControl::processStickArming), which it rounds to
+/// more than 0.9. Half a tenth away from both, rounding and [`Axis::a_step_back`] make none.
+const LOW: i16 = 150;
+const NO_GESTURE: i16 = 850;
 /// A stamp this far back means that the clock was set.
 const CLOCK_SET_MS: u64 = 10_000;
 
@@ -399,24 +402,44 @@ mod tests {
         assert!(sticks.take(Duration::ZERO, &forward(600, 101)).is_err());
     }
 
+    /// As ManualControl::processStickArming judges it, compiled with -freciprocal-math.
+    fn is_gesture(m: &MANUAL_CONTROL_DATA) -> bool {
+        let (throttle, yaw) = (f32::from(m.z) * 0.001 * 2.0 - 1.0, f32::from(m.r) * 0.001);
+        throttle < -0.8 && yaw.abs() > 0.9
+    }
+
     #[test]
     fn no_stick_makes_a_gesture_that_arms_or_stops_motors() {
+        let ms = Duration::from_millis;
+        assert!(is_gesture(&message([0, 0, 0, 900], 1)));
         for throttle in 0..=100 {
-            for rudder in [-100, -95, -50, 0, 50, 95, 100] {
-                let sticks = UaStickCommand {
+            for rudder in -100..=100 {
+                let at = |rudder| UaStickCommand {
                     throttle_stick_engine_1: Some(throttle),
                     rotational_stick_rudder: Some(rudder),
                     ..UaStickCommand::default()
                 };
-                let sent = message(axes(&sticks), 1);
+                let sent = message(axes(&at(rudder)), 1);
                 assert_eq!(sent.z, i16::from(throttle) * 10);
                 let as_it_is = i16::from(rudder) * 10;
-                let expected = if throttle < 10 {
-                    as_it_is.clamp(-900, 900)
+                let expected = if throttle < 15 {
+                    as_it_is.clamp(-850, 850)
                 } else {
                     as_it_is
                 };
                 assert_eq!(sent.r, expected, "{throttle}");
+                assert!(!is_gesture(&sent), "{throttle} {rudder}");
+
+                // Nor do the last once more, which are a step back of what was sent.
+                let mut sticks = Sticks::default();
+                sticks.engage(ms(0), false);
+                for (now, rudder) in [(0, 0), (20, rudder)] {
+                    sticks.take(ms(now), &at(rudder)).unwrap();
+                    sticks.advance(ms(now), (Some(Px4Mode::POSCTL), true), 1);
+                }
+                let still = sticks.stand_still(ms(40), 1).expect("sticks");
+                assert_eq!(still.r, expected - expected.signum(), "{throttle}");
+                assert!(!is_gesture(&still), "{throttle} {rudder}");
             }
         }
     }
