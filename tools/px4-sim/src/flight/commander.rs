@@ -40,6 +40,7 @@ enum Cause {
     Setpoints,
     GroundStation,
     Wings,
+    Fence,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,7 +63,7 @@ pub(crate) struct Commander {
     /// The mode to which disarming leads back.
     after_disarming: Mode,
     failsafe: Option<Failsafe>,
-    overridden: [bool; 4],
+    overridden: [bool; 5],
     sticks_at: Option<f64>,
     sticks_regained: bool,
     /// The corner in which the left stick is, and since when; infinite once that was obeyed.
@@ -204,6 +205,8 @@ impl Commander {
         }
         if let Some(failsafe) = self.failsafe.take() {
             self.overridden[failsafe.cause as usize] = true;
+            // Also where the loss of the sticks came after it; inside the fence it does not last.
+            self.overridden[Cause::Fence as usize] = true;
         }
         // Sticks that were lost on the ground do not start the failsafe in the air: the operator has decided without them. In
         // the air only a failsafe that is flown can be taken over: a landing or a return outlasts the loss, and the next
@@ -253,7 +256,7 @@ impl Commander {
         self.flown = false;
         self.landed_at = None;
         self.sticks_regained = self.sticks_alive(facts);
-        self.overridden = [false; 4];
+        self.overridden = [false; 5];
         notes.push(Note::Info(format!("Armed by {reason}\t")));
         true
     }
@@ -378,6 +381,13 @@ impl Commander {
                     notes.push(Note::Critical("Failsafe activated\t".into()));
                 }
             }
+            // A hold is left for what the loss of the sticks is to do.
+            if *failsafe == HOLD_AT_FENCE
+                && let Some(lost_at) = self.sticks_lost(facts)
+            {
+                let action = after_loss(facts.params.int(Param::NAV_RCL_ACT));
+                self.begin(Cause::Sticks, action, lost_at, facts, notes);
+            }
             return;
         }
         if self.intended == Mode::Offboard && !self.setpoints_alive(facts) {
@@ -432,6 +442,30 @@ impl Commander {
             cause: Cause::Wings,
             mode,
             then: None,
+        });
+        notes.push(Note::Critical("Failsafe activated\t".into()));
+    }
+
+    /// It is beyond GF_MAX_HOR_DIST: GF_ACTION acts at once, and again where it has been inside since a mode was commanded.
+    pub(crate) fn watch_fence(&mut self, beyond: bool, facts: &Facts<'_>, notes: &mut Vec<Note>) {
+        if !beyond {
+            self.overridden[Cause::Fence as usize] = false;
+            return;
+        }
+        if self.failsafe.is_some() || self.overridden[Cause::Fence as usize] {
+            return;
+        }
+        // Failsafe::fromGfActParam
+        let mode = match facts.params.int(Param::GF_ACTION) {
+            2 => Mode::Loiter,
+            3 => Mode::Rtl,
+            4 => Mode::Termination,
+            5 => Mode::Land,
+            _ => return,
+        };
+        self.failsafe = Some(Failsafe {
+            mode,
+            ..HOLD_AT_FENCE
         });
         notes.push(Note::Critical("Failsafe activated\t".into()));
     }
@@ -536,6 +570,12 @@ fn after_loss(action: i32) -> Option<Mode> {
     }
 }
 
+/// GF_ACTION: hold.
+const HOLD_AT_FENCE: Failsafe = Failsafe {
+    cause: Cause::Fence,
+    mode: Mode::Loiter,
+    then: None,
+};
 /// How long the left stick stays in a corner before that counts, s.
 const GESTURE_S: f64 = 1.0;
 /// NAV_RCL_ACT: hold by a change of mode, without a failsafe.

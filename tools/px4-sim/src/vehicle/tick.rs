@@ -93,6 +93,16 @@ impl Vehicle {
         if self.health_faults.quad_chute && !self.landed && self.body.quad_chute() {
             self.decide(|commander, facts, notes| commander.quad_chute(facts, notes));
         }
+        let farthest_m = self.params.get(Param::GF_MAX_HOR_DIST);
+        if farthest_m > 0.0
+            && self.commander.is_armed()
+            && !self.landed
+            && let Some(home) = self.home
+        {
+            let at = self.believed();
+            let beyond = (at.n - home.n).hypot(at.e - home.e) > farthest_m;
+            self.decide(|commander, facts, notes| commander.watch_fence(beyond, facts, notes));
+        }
         let (mode, armed) = (self.commander.mode(), self.commander.is_armed());
         if armed {
             self.charge = (self.charge - DT / 1500.0).max(0.5);

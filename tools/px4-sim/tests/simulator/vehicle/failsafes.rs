@@ -215,6 +215,41 @@ fn sticks_that_end_as_they_move_take_the_next_mode_unless_they_have_stepped_back
     }
 }
 
+/// GF_ACTION 2 holds, as long as the sticks come.
+#[test]
+fn a_fence_that_is_flown_through_by_hand_holds_and_sticks_that_end_there_are_lost() {
+    for they_continue in [true, false] {
+        let mut flight = airborne_with(&[(Param::GF_MAX_HOR_DIST, 30.0)]);
+        stream(&mut flight, 1.0, &sticks(0));
+        assert_eq!(flight.set_mode(Mode::PosCtl), Some(0));
+        stream(&mut flight, 10.0, &sticks(1000));
+        assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+        assert_eq!(
+            flight.heartbeat().system_status,
+            MavState::MAV_STATE_CRITICAL
+        );
+        let run = |flight: &mut Flight, seconds| {
+            if they_continue {
+                stream(flight, seconds, &sticks(1000));
+            } else {
+                flight.run(seconds);
+            }
+        };
+        run(&mut flight, 8.0);
+        let mode = if they_continue {
+            Mode::Loiter
+        } else {
+            Mode::Rtl
+        };
+        assert_eq!(flight.vehicle.truth().mode, mode);
+        // A mode that is commanded is flown outside too.
+        assert_eq!(flight.set_mode(Mode::Loiter), Some(0));
+        run(&mut flight, 1.3);
+        assert_eq!(flight.vehicle.truth().mode, Mode::Loiter);
+        assert_eq!(flight.heartbeat().system_status, MavState::MAV_STATE_ACTIVE);
+    }
+}
+
 #[test]
 fn the_left_stick_in_a_lower_corner_arms_and_disarms() {
     let corner = |r| {
