@@ -286,6 +286,48 @@ fn sticks_that_move_as_another_mode_is_commanded_do_not_take_the_vehicle_back() 
     }
 }
 
+/// A hold at the fence is not left for the loss of sticks that still come.
+#[test]
+fn a_failsafe_that_takes_the_vehicle_from_the_sticks_keeps_it_while_they_come() {
+    for they_continue in [true, false] {
+        let mut rig = Rig::ready_with(Setup {
+            vehicles: vec![px4_sim::Config {
+                params: vec![(px4_sim::Param::GF_MAX_HOR_DIST, 40.0)],
+                ..px4_sim::Config::default()
+            }],
+            ..Setup::default()
+        });
+        rig.take_off(20.0);
+        let centred = sticks(0, 0, 50);
+        fly(&mut rig, 0.5, &centred);
+        let entered = command_while(&mut rig, &centred, orders::mode(Mode::FlightDirector));
+        assert_eq!(entered, Some(AckType::CarriedOut));
+        fly(&mut rig, 12.0, &sticks(100, 0, 50));
+        assert_eq!(rig.truth().mode, Px4::Loiter);
+        let alerts = rig.station().alerts();
+        let steers = "the sticks (2010) steer no longer";
+        let named = alerts.iter().filter(|alert| alert.contains(steers));
+        assert_eq!(named.count(), 1, "{alerts:?}");
+        if they_continue {
+            // Whatever they are.
+            for forward in [100, 50, 0, -50, -100] {
+                fly(&mut rig, 2.0, &sticks(forward, 0, 50));
+            }
+            assert_eq!(rig.truth().mode, Px4::Loiter);
+            assert!(!rig.station().has_alert("took over"), "{alerts:?}");
+            // The operator's mode is flown, and no loss follows it.
+            let forward = sticks(100, 0, 50);
+            let held = command_while(&mut rig, &forward, orders::mode(Mode::Loiter));
+            assert_eq!(held, Some(AckType::CarriedOut));
+            fly(&mut rig, 12.0, &forward);
+            assert_eq!(rig.truth().mode, Px4::Loiter);
+        } else {
+            assert!(rig.until(10.0, |rig| rig.truth().mode == Px4::Rtl));
+            assert!(rig.station().has_alert("have stopped"));
+        }
+    }
+}
+
 /// PX4 arms when the left stick is in its lower right corner for a second.
 #[test]
 fn sticks_start_no_motors() {

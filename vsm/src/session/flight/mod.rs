@@ -67,6 +67,7 @@ use super::effects::{Effects, Request};
 use super::ignored_fields;
 use super::link::services::Services;
 use super::maneuver::{self, Maneuver, Progress, Step};
+use super::other::Other;
 use crate::config::{LinkAddress, OnLoss};
 
 /// The machine.
@@ -855,6 +856,12 @@ impl Flight {
             }
             return self.sticks.withhold(now);
         }
+        let ends = self.maneuver.as_ref();
+        let ends = ends.is_some_and(|(_, maneuver)| maneuver.ends_sticks());
+        if ends && self.sticks.are_aside() {
+            return self.sticks.withhold(now);
+        }
+        self.stand_aside(context, !ends, effects);
         let system = context.config.system_id;
         let newer = context.vehicle.state_is_newer_than_command();
         match self.sticks.advance(now, (mode, newer), system) {
@@ -863,6 +870,29 @@ impl Flight {
             Due::Stopped => effects.warn_of_link(
                 "the sticks (2010) have stopped: the vehicle acts by its own parameters",
             ),
+        }
+    }
+
+    /// `uncommanded`: no other mode than that of the sticks is commanded.
+    fn stand_aside(&mut self, context: &Context<'_>, uncommanded: bool, effects: &mut Effects<'_>) {
+        let vehicle = context.vehicle;
+        // What it steers by sticks alone, as without a position, is left to their loss.
+        let by_itself = |mode: Px4Mode| mode.main() == Px4Mode::LOITER.main();
+        let failsafe = match Other::of(&vehicle.telemetry) {
+            Some(Other::Failsafe(mode)) if uncommanded && by_itself(mode) => Some(mode),
+            _ => None,
+        };
+        let by_hand = vehicle.telemetry.mode == Some(Px4Mode::POSCTL);
+        let now = context.mono();
+        if self.sticks.stand_aside(now, failsafe.is_some(), by_hand)
+            && let Some(mode) = failsafe
+        {
+            effects.advise(format!(
+                "the sticks (2010) steer no longer: the vehicle has left {} for {} as its failsafe, and stays there while they come; \
+                 command mode 2 (manual) to steer by them again",
+                Px4Mode::POSCTL.name(),
+                mode.name()
+            ));
         }
     }
 

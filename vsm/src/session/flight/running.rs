@@ -244,8 +244,8 @@ impl Flight {
     /// Ends streams whose mode is left; within their mode they must not be interrupted.
     fn give_up_streams(&mut self, context: &Context<'_>) {
         // Sticks end even if the vehicle might still enter the mode: moving sticks would override the new command
-        // (MAN_OVERRIDE_SPD, before v1.18 COM_RC_OVERRIDE).
-        if context.vehicle.telemetry.mode != Some(Px4Mode::POSCTL) {
+        // (MAN_OVERRIDE_SPD, before v1.18 COM_RC_OVERRIDE). Centred ones do not.
+        if context.vehicle.telemetry.mode != Some(Px4Mode::POSCTL) && !self.sticks.are_aside() {
             self.sticks.release();
         }
         self.steering.give_up(context.mono());
@@ -286,8 +286,11 @@ impl Flight {
                 self.watched.entered = telemetry.mode;
                 // A landing or a return only outlasts the failsafe for lost sticks, which the next mode would meet.
                 let outlasts = [Some(Px4Mode::LAND), Some(Px4Mode::RTL)].contains(&telemetry.mode);
-                if maneuver.ends_sticks() && !outlasts {
-                    self.sticks.are_ended();
+                if maneuver.ends_sticks() {
+                    self.sticks.end_aside();
+                    if !outlasts {
+                        self.sticks.are_ended();
+                    }
                 }
                 // In mode 11 a speed of the route replaces one commanded on an earlier leg.
                 self.commanded.speed_leg =

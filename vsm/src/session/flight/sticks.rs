@@ -11,6 +11,9 @@
 //! follows, as it does sticks that fail, until a mode is commanded once it does: see
 //! [`Again::AfterSticks`](crate::session::maneuver).
 //!
+//! A failsafe of PX4 may take the vehicle out of the mode while sticks arrive, as at a fence. PX4 would miss them there too, and leave
+//! the failsafe's mode for what that is to do. So centred ones are sent for as long as they arrive ([`Sticks::stand_aside`]).
+//!
 //! No source gives the scale of the sticks: per cent of travel, -100 to 100, throttle 0 to 100. Right, forward (nose
 //! down) and clockwise are positive. An absent stick is centred, an absent throttle is half: hold the height.
 
@@ -33,6 +36,8 @@ pub(crate) struct Sticks {
     apart: Duration,
     /// What was sent last: x, y, z and r.
     last: Option<[Axis; 4]>,
+    /// That was a step back, or stands still since.
+    still: bool,
     /// The vehicle has been sent some in this flight, and takes their end for a loss.
     expected: bool,
 }
@@ -73,6 +78,8 @@ enum Stream {
     Flying,
     /// The vehicle is flown by hand, but the sticks stopped at that time.
     Lost(Duration),
+    /// A failsafe of PX4 has the vehicle: centred ones are sent in place of those that arrive.
+    Aside,
 }
 
 /// What is due now.
@@ -133,7 +140,8 @@ impl Sticks {
     /// a pilot is flying.
     pub(super) fn steer(&self, now: Duration) -> bool {
         match self.stream {
-            Stream::Off => false,
+            // Where PX4 is back in the mode, it may be by a pilot.
+            Stream::Off | Stream::Aside => false,
             Stream::Entering | Stream::Flying => true,
             Stream::Lost(since) => now.saturating_sub(since) < LEFT_WITHIN,
         }
@@ -157,9 +165,49 @@ impl Sticks {
     /// PX4 judges the last movement every 0.2 s until it misses the sticks (ManualControl::Run), and takes it for a pilot who wants the
     /// vehicle where three samples in a row went one way (MovingDiff): none after that step has.
     pub(super) fn stand_still(&mut self, now: Duration, system: u8) -> Option<MANUAL_CONTROL_DATA> {
-        let last = self.last.take().filter(|_| self.fresh(now))?;
+        let last = self.last.filter(|_| !self.still && self.fresh(now))?;
+        let back = last.map(Axis::a_step_back);
         self.sent = now;
-        Some(message(last.map(Axis::a_step_back), system))
+        self.note_sent(back);
+        self.still = true;
+        Some(message(back, system))
+    }
+
+    fn note_sent(&mut self, axes: [i16; 4]) {
+        self.last = Some(match self.last {
+            Some(last) => array::from_fn(|axis| last[axis].moved(axes[axis])),
+            None => axes.map(Axis::new),
+        });
+    }
+
+    /// `failsafe`: the vehicle flies by itself as a failsafe of PX4, and not because of a command; `by_hand`: it is in POSCTL. Returns
+    /// whether the sticks have just ceased to steer: they steer again by another 2016, also where PX4 returns to the mode by itself.
+    pub(super) fn stand_aside(&mut self, now: Duration, failsafe: bool, by_hand: bool) -> bool {
+        match self.stream {
+            // Those that have stopped are what it is for.
+            Stream::Flying if failsafe && self.fresh(now) => {
+                self.stream = Stream::Aside;
+                true
+            }
+            // A pilot or another station has the vehicle.
+            Stream::Aside if !failsafe && !by_hand => {
+                self.release();
+                false
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether centred ones are sent while a failsafe has the vehicle.
+    pub(super) fn are_aside(&self) -> bool {
+        self.stream == Stream::Aside
+    }
+
+    /// The mode that ends them is flown.
+    pub(super) fn end_aside(&mut self) {
+        if self.are_aside() {
+            self.release();
+        }
     }
 
     /// Whether another may be sent, so that PX4 judges the last by itself.
@@ -171,6 +219,7 @@ impl Sticks {
     pub(crate) fn release(&mut self) {
         self.stream = Stream::Off;
         self.last = None;
+        self.still = false;
     }
 
     /// `mode`: the last reported mode, and whether the report is newer than the last command that may change it.
@@ -190,15 +239,18 @@ impl Sticks {
                 self.release();
                 return Due::None;
             }
-            Stream::Flying | Stream::Lost(_) => {}
+            Stream::Flying | Stream::Lost(_) | Stream::Aside => {}
         }
         if !self.fresh(now) {
             // Do not repeat the last sticks: PX4 must detect the loss and act by its own parameters.
             if matches!(self.stream, Stream::Lost(_)) {
                 return Due::None;
             }
-            self.stream = Stream::Lost(now);
-            self.last = None;
+            let is_aside = self.are_aside();
+            self.release();
+            if !is_aside {
+                self.stream = Stream::Lost(now);
+            }
             return Due::Stopped;
         }
         // Sticks that return while POSCTL is still flown need no new 2016.
@@ -218,11 +270,14 @@ impl Sticks {
         let Some((_, sticks)) = &self.latest else {
             return Due::None;
         };
-        let axes = axes(sticks);
-        self.last = Some(match self.last {
-            Some(last) => array::from_fn(|axis| last[axis].moved(axes[axis])),
-            None => axes.map(Axis::new),
-        });
+        // To the centre they move twice one way at most, after the step back: PX4 takes three for a pilot's.
+        let axes = match self.last.filter(|_| !self.still) {
+            _ if !self.are_aside() => axes(sticks),
+            Some(last) => last.map(Axis::a_step_back),
+            None => CENTRED,
+        };
+        self.still = self.are_aside();
+        self.note_sent(axes);
         self.expected = true;
         Due::Send(message(axes, system))
     }
@@ -244,7 +299,7 @@ impl Sticks {
 
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         match self.stream {
-            Stream::Entering | Stream::Flying => Some(self.due),
+            Stream::Entering | Stream::Flying | Stream::Aside => Some(self.due),
             Stream::Off | Stream::Lost(_) => None,
         }
     }
@@ -306,6 +361,8 @@ const PERIOD: Duration = Duration::from_millis(40);
 /// is not delayed.
 const SHORTEST: Duration = Duration::from_millis(15);
 const HALF_THROTTLE: i16 = 500;
+/// x, y, z and r of sticks that nobody touches.
+const CENTRED: [i16; 4] = [0, 0, HALF_THROTTLE, 0];
 /// PX4 sees a gesture below a throttle of 100 and beyond a rudder of 900 (ManualControl::processStickArming), which it rounds to
 /// more than 0.9. Half a tenth away from both, rounding and [`Axis::a_step_back`] make none.
 const LOW: i16 = 150;
@@ -470,6 +527,46 @@ mod tests {
         assert_eq!(sticks.advance(ms(120) + FRESH, by_hand, 1), Due::Stopped);
         sticks.take(ms(500), &forward(501, 30)).unwrap();
         assert_eq!(sticks.stand_still(ms(500), 1), None);
+    }
+
+    #[test]
+    fn centred_ones_are_sent_while_a_failsafe_has_the_vehicle_and_move_no_three_times_one_way() {
+        let ms = Duration::from_millis;
+        let (by_hand, held) = ((Some(Px4Mode::POSCTL), true), (Some(Px4Mode::LOITER), true));
+        // Pushed, let go, and held.
+        for moved in [[0, 30, 60, 90], [90, 60, 30, 10], [60, 60, 60, 60]] {
+            let mut sticks = Sticks::default();
+            sticks.engage(ms(0), false);
+            let mut sent: Vec<i16> = Vec::new();
+            for (at, per_cent) in (0..).step_by(20).zip(moved) {
+                sticks.take(ms(at), &forward(at + 1, per_cent)).unwrap();
+                sent.extend(x(sticks.advance(ms(at), by_hand, 1)));
+            }
+            assert!(sticks.stand_aside(ms(70), true, false) && sticks.are_aside());
+            assert!(!sticks.stand_aside(ms(71), true, false), "once");
+            let held_from = sent.len();
+            for at in (80..1_000).step_by(20) {
+                sticks.take(ms(at), &forward(at + 1, -80)).unwrap();
+                sent.extend(x(sticks.advance(ms(at), held, 1)));
+            }
+            assert!(sent.len() > held_from + 25, "{sent:?}");
+            assert_eq!(sent[held_from + 1], 0, "{sent:?}");
+            assert!(sent[held_from + 1..].iter().all(|x| *x == 0), "{sent:?}");
+            let steps = sent.windows(2).map(|pair| (pair[1] - pair[0]).signum());
+            let steps: Vec<_> = steps.skip(held_from - 1).filter(|way| *way != 0).collect();
+            let last = moved[3] - moved[2];
+            let one_way = steps.iter().filter(|way| **way == -1).count();
+            assert!(one_way <= 2, "{sent:?}");
+            // The first one breaks off the movement that it came in.
+            assert!(
+                last == 0 || steps[0] == -i16::from(last).signum(),
+                "{sent:?}"
+            );
+            // PX4 is back in the mode: still centred. They end with those that arrive.
+            assert!(!sticks.stand_aside(ms(1_000), false, true) && sticks.are_aside());
+            assert_eq!(sticks.advance(ms(1_500), held, 1), Due::Stopped);
+            assert_eq!(sticks.advance(ms(1_501), held, 1), Due::None);
+        }
     }
 
     #[test]

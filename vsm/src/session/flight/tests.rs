@@ -274,6 +274,82 @@ fn a_mode_that_ends_the_sticks_is_commanded_again_once_they_are_missed_but_not_o
     }
 }
 
+/// PX4 would miss the sticks in its failsafe too, and leave that for what their loss is to do.
+#[test]
+fn centred_sticks_come_while_a_failsafe_has_left_the_mode_and_not_while_a_pilot_has() {
+    use MavState::{MAV_STATE_ACTIVE as ACTIVE, MAV_STATE_CRITICAL as CRITICAL};
+    let says_so = |message: &&Message| match message {
+        Message::SubsystemStatusAlert(alert) => {
+            let text = alert.text.as_ref().map(|text| text.as_str());
+            text.is_some_and(|text| text.contains("steer no longer"))
+        }
+        _ => false,
+    };
+    for (shown, status, continues) in [
+        (Px4Mode::LOITER, CRITICAL, true),
+        (Px4Mode::RTL, CRITICAL, true),
+        (Px4Mode::LOITER, ACTIVE, false),
+        (Px4Mode::RTL, ACTIVE, false),
+        // ALTCTL: the vehicle would drift.
+        (Px4Mode::new(2, 0), CRITICAL, false),
+    ] {
+        let (mut world, mut flight) = by_hand();
+        world.sent_to(0);
+        world.vehicle.telemetry.system_status = Some(status);
+        world.show_mode(shown);
+        let mut sent = Vec::new();
+        for _ in 0..10 {
+            world.advance(Duration::from_millis(50));
+            // Acknowledged, and read with the alert.
+            let message = sticks().into();
+            let origin = origin(&message);
+            let message = &message;
+            handle(&mut world, &mut flight, Input::Command { origin, message });
+            handle(&mut world, &mut flight, Input::Advance);
+            sent.extend(world.posts());
+        }
+        assert_eq!(sent.len(), if continues { 10 } else { 0 }, "{shown:?}");
+        let named = world.sent_to(0).iter().filter(says_so).count();
+        assert_eq!(named, usize::from(continues));
+        let Some(MavMessage::MANUAL_CONTROL(last)) = sent.last() else {
+            continue;
+        };
+        assert_eq!([last.x, last.y, last.z, last.r], [0, 0, 500, 0]);
+
+        // Another mode ends them at once, whatever the vehicle shows of its failsafe, unless it is refused.
+        for refused in [true, false] {
+            command(&mut world, &mut flight, select(Mode::AutolandEngage));
+            assert_eq!(world.commanded_modes(), [Px4Mode::LAND]);
+            world.posts();
+            world.advance(Duration::from_millis(50));
+            command(&mut world, &mut flight, sticks());
+            assert!(world.posts().is_empty());
+            if refused {
+                answer_mode(&mut world, &mut flight, DENIED);
+                // PX4's reason may still come.
+                world.advance(Duration::from_millis(50));
+                command(&mut world, &mut flight, sticks());
+                assert_eq!(world.posts().len(), 1);
+            }
+        }
+        assert_eq!(answer_mode(&mut world, &mut flight, ACCEPTED), []);
+        world.show_mode(Px4Mode::LAND);
+        for missed in [false, true] {
+            for _ in 0..25 {
+                world.advance(Duration::from_millis(50));
+                command(&mut world, &mut flight, sticks());
+                assert!(world.posts().is_empty());
+            }
+            if !missed {
+                assert_eq!(world.commanded_modes(), [Px4Mode::LAND]);
+                world.show_mode(Px4Mode::LAND);
+                let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+                assert_eq!(answers, [AckType::CarriedOut]);
+            }
+        }
+    }
+}
+
 #[test]
 fn the_last_sticks_stand_still_where_a_termination_ends_them() {
     let (mut world, mut flight) = by_hand();
