@@ -11,13 +11,13 @@
 
 use std::collections::BTreeMap;
 
-use geo::{Contains, LineString, Point, Polygon, Validation};
+use geo::{Contains, Coord, Intersects, Line, LineString, Point, Polygon, Validation};
 use mavlink_link::service::mission::{FRAME_GLOBAL, Item};
 use stanag_msgs::Message;
 use stanag_msgs::enums::AreaType;
 use stanag_msgs::messages::AreaVertex;
 
-use crate::limits::metres;
+use crate::limits::{disc, metres};
 use crate::route::degrees_e7;
 
 /// What PX4 holds of a geofence: corners and circles together.
@@ -86,6 +86,109 @@ impl Bound {
             Inside::Circle { centre, radius_m } => metres(*centre, at) <= *radius_m,
         }
     }
+
+    /// Whether a straight way lies on the wrong side of it, or a part of the way does.
+    fn is_crossed(&self, from: (f64, f64), to: (f64, f64)) -> bool {
+        let ends = [from, to];
+        if ends.iter().any(|at| self.contains(*at) != self.keep_in) {
+            return true;
+        }
+        match &self.inside {
+            Inside::Polygon(outline) => {
+                let crosses = |way: &Line| {
+                    let mut sides = outline.exterior().lines();
+                    sides.any(|side| side.intersects(way))
+                };
+                plain(from, to).iter().any(crosses)
+            }
+            // No straight way between two places inside of a circle leaves it.
+            Inside::Circle { .. } if self.keep_in => false,
+            Inside::Circle { centre, .. } => self.contains(nearest(*centre, from, to)),
+        }
+    }
+}
+
+/// The way between two places in plain longitudes, as polygons have them: one across 180 degrees once on either side.
+fn plain(from: (f64, f64), to: (f64, f64)) -> [Line; 2] {
+    let turn = match to.1 - from.1 {
+        east if east > 180.0 => -360.0,
+        east if east < -180.0 => 360.0,
+        _ => 0.0,
+    };
+    let place = |(y, x): (f64, f64), by: f64| Coord { x: x + by, y };
+    [
+        Line::new(place(from, 0.0), place(to, turn)),
+        Line::new(place(from, -turn), place(to, 0.0)),
+    ]
+}
+
+/// The place of a straight way that is nearest to a place, on a plane that touches the globe there.
+fn nearest(to: (f64, f64), start: (f64, f64), end: (f64, f64)) -> (f64, f64) {
+    let shrinks = to.0.to_radians().cos();
+    let offset = |from: (f64, f64), at: (f64, f64)| {
+        let east = (at.1 - from.1 + 540.0).rem_euclid(360.0) - 180.0;
+        (at.0 - from.0, shrinks * east)
+    };
+    let (here, way) = (offset(to, start), offset(start, end));
+    let length2 = way.0 * way.0 + way.1 * way.1;
+    let part = if length2 > 0.0 {
+        (-(here.0 * way.0 + here.1 * way.1) / length2).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    let east = (end.1 - start.1 + 540.0).rem_euclid(360.0) - 180.0;
+    (start.0 + part * way.0, start.1 + part * east)
+}
+
+/// How a way crosses an area.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Crossing {
+    /// Area ID; 0 is one of the configuration.
+    pub area: u16,
+    /// Whether the vehicle stays inside, else outside.
+    pub keep_in: bool,
+}
+
+impl std::fmt::Display for Crossing {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (verb, side) = match self.keep_in {
+            true => ("leaves", "inside"),
+            false => ("enters", "outside of"),
+        };
+        match self.area {
+            0 => write!(out, "{verb} an area of the configuration to stay {side}"),
+            area => write!(out, "{verb} area {area}, to stay {side}"),
+        }
+    }
+}
+
+/// The first area that a circle around a place crosses. What is within the circle is not flown over: a vehicle may circle around an
+/// area to stay outside.
+#[must_use]
+pub fn circle_crossing(
+    areas: &[(u16, Area)],
+    centre: (f64, f64),
+    radius_m: f64,
+) -> Option<Crossing> {
+    let bounds = numbered(areas);
+    // Chords: they leave out 0.4 % of the radius.
+    let rim = disc(centre, radius_m).split_off(1);
+    let next = rim.iter().cycle().skip(1);
+    let mut chords = rim.iter().zip(next);
+    chords.find_map(|(from, to)| crossed(&bounds, *from, *to))
+}
+
+fn numbered(areas: &[(u16, Area)]) -> Vec<(u16, Bound)> {
+    let bound = |(id, area): &(u16, Area)| (*id, area.bound());
+    areas.iter().map(bound).collect()
+}
+
+fn crossed(bounds: &[(u16, Bound)], from: (f64, f64), to: (f64, f64)) -> Option<Crossing> {
+    let crossed = |(_, bound): &&(u16, Bound)| bound.is_crossed(from, to);
+    bounds.iter().find(crossed).map(|(id, bound)| Crossing {
+        area: *id,
+        keep_in: bound.keep_in,
+    })
 }
 
 /// Whether a place, degrees north and east, is outside of an area to stay inside, or inside of one to stay outside.
@@ -186,9 +289,16 @@ impl Areas {
     /// The fence that they make with areas of the configuration: these alone where one that was sent is not whole.
     #[must_use]
     pub fn with(&self, configured: &[Area]) -> Vec<Area> {
-        let sent = self.whole().unwrap_or_default().into_iter();
-        let sent = sent.map(|(_, area)| area);
-        configured.iter().cloned().chain(sent).collect()
+        let all = self.numbered_with(configured).into_iter();
+        all.map(|(_, area)| area).collect()
+    }
+
+    /// The same with the Area ID of each; 0 is one of the configuration.
+    #[must_use]
+    pub fn numbered_with(&self, configured: &[Area]) -> Vec<(u16, Area)> {
+        let sent = self.whole().unwrap_or_default();
+        let configured = configured.iter().cloned().map(|area| (0, area));
+        configured.chain(sent).collect()
     }
 
     /// The areas, whole.
@@ -547,6 +657,63 @@ mod tests {
         };
         let areas = sent.with(std::slice::from_ref(&keep_out));
         assert_eq!(first_breach(&areas, &items), Some(2));
+    }
+
+    /// A circle about the middle of the square, which measures 11 km by 7.6 km.
+    fn in_the_middle(keep_in: bool, radius_m: f64) -> Area {
+        let centre = (47.05, 8.05);
+        let shape = Shape::Circle { centre, radius_m };
+        Area { keep_in, shape }
+    }
+
+    #[test]
+    fn a_circle_is_flown_along_its_rim_alone() {
+        let crosses = |areas: &[(u16, Area)], centre, radius_m| {
+            circle_crossing(areas, centre, radius_m).map(|crossing| crossing.to_string())
+        };
+        let (middle, leaves) = ((47.05, 8.05), "leaves area 7, to stay inside");
+        let stays_in = square(AreaType::KeepInPolygon).whole().unwrap();
+        assert_eq!(crosses(&[], middle, 1_000.0), None);
+        assert_eq!(crosses(&stays_in, middle, 3_000.0), None);
+        // The sides are 3.8 km away in the east and west.
+        assert_eq!(crosses(&stays_in, middle, 4_000.0).as_deref(), Some(leaves));
+        assert_eq!(
+            crosses(&stays_in, (47.2, 8.05), 10.0).as_deref(),
+            Some(leaves)
+        );
+        let stays_out = [(0, in_the_middle(false, 500.0))];
+        assert_eq!(
+            crosses(&stays_out, middle, 600.0),
+            None,
+            "it lies within the rim"
+        );
+        let enters = "enters an area of the configuration to stay outside of";
+        assert_eq!(crosses(&stays_out, middle, 400.0).as_deref(), Some(enters));
+        assert_eq!(
+            crosses(&stays_out, (47.06, 8.05), 700.0).as_deref(),
+            Some(enters)
+        );
+        assert_eq!(crosses(&stays_out, (47.06, 8.05), 500.0), None);
+        let round = [(9, in_the_middle(true, 500.0))];
+        assert_eq!(crosses(&round, middle, 490.0), None);
+        let leaves = "leaves area 9, to stay inside";
+        assert_eq!(crosses(&round, middle, 510.0).as_deref(), Some(leaves));
+        // A spike between two of the places on the rim, 174 m apart: its tip is 956 m away from the centre.
+        let spike = Shape::Polygon(vec![
+            (47.030075, 8.047741),
+            (47.030075, 8.047141),
+            (47.041435, 8.0489),
+        ]);
+        let keep_in = false;
+        let spike = [(
+            3,
+            Area {
+                keep_in,
+                shape: spike,
+            },
+        )];
+        assert!(crosses(&spike, middle, 1_000.0).is_some());
+        assert_eq!(crosses(&spike, middle, 900.0), None);
     }
 
     #[test]

@@ -5,15 +5,17 @@ use std::collections::BTreeSet;
 
 use kit::bridge::{Rig, Setup, cucs, orders, vehicle_id};
 use stanag_msgs::enums::{
-    AckType, AlertPriority, AlertType, AltitudeCommandType, FlightPathControlMode as Mode,
-    LoiBitmap, LoiterDirection, LoiterType, RequestedAccess, SpeedType,
+    AckType, AlertPriority, AlertType, AltitudeCommandType, AreaPlanMode, AreaType,
+    FlightPathControlMode as Mode, LoiBitmap, LoiterDirection, LoiterType, RequestedAccess,
+    SpeedType,
 };
 use stanag_msgs::messages::{
-    CucsAuthorisationRequest, CurveSegmentPaper, GenericInformationRequestMessage, InertialStates,
-    LoiterConfiguration, ScheduleMessageUpdateCommand, SubsystemStatusAlert, UaPositionWaypoint,
+    AreaTransferCommand, AreaVertex, CucsAuthorisationRequest, CurveSegmentPaper,
+    GenericInformationRequestMessage, InertialStates, LoiterConfiguration,
+    ScheduleMessageUpdateCommand, SubsystemStatusAlert, UaPositionWaypoint,
     VehicleConfigurationCommand, VehicleOperatingModeCommand,
 };
-use stanag_msgs::{Envelope, Id, Message, Scaled, frames};
+use stanag_msgs::{Bam32, Envelope, Id, Message, Scaled, frames};
 
 fn schedule(message: u16, hertz: u16) -> ScheduleMessageUpdateCommand {
     ScheduleMessageUpdateCommand {
@@ -330,6 +332,50 @@ fn a_loiter_that_cannot_be_flown_is_refused_at_once_and_the_one_before_stays() {
             _ => None,
         });
     assert_eq!(kept, Some((circle.loiter_type, circle.loiter_radius)));
+}
+
+/// PX4 v1.18 compares the place of a hover with its fence, and no circle of a multicopter.
+#[test]
+fn a_circle_that_leaves_the_fence_is_refused_with_the_area() {
+    let mut rig = Rig::ready();
+    let (home, place) = (orders::place(0.0, 0.0), orders::place);
+    rig.done(AreaVertex {
+        area_id: Some(1),
+        area_type: Some(AreaType::KeepInCircle),
+        vertex_count: Some(1),
+        vertex_number: Some(1),
+        latitude: Some(Bam32::from_degrees(home.0)),
+        longitude: Some(Bam32::from_degrees(home.1)),
+        radius: Some(200.0),
+        ..AreaVertex::default()
+    });
+    rig.done(AreaTransferCommand {
+        area_plan_mode: Some(AreaPlanMode::Load),
+        ..AreaTransferCommand::default()
+    });
+    rig.take_off(20.0);
+    rig.done(LoiterConfiguration {
+        loiter_type: Some(LoiterType::Circular),
+        loiter_radius: Some(Scaled::saturating_from_si(30.0)),
+        ..LoiterConfiguration::default()
+    });
+    let around = |north| {
+        let (latitude, longitude) = place(north, 0.0);
+        VehicleOperatingModeCommand {
+            loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
+            loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
+            ..orders::mode(Mode::Loiter)
+        }
+    };
+    let why = "mode 12 (loiter): the circle of 30 m leaves area 1, to stay inside";
+    // Its centre outside, and its rim alone.
+    for north in [400.0, 180.0] {
+        refused(&mut rig, around(north), why);
+        assert_eq!(rig.truth().mode, px4_sim::Mode::Loiter);
+        rig.run(10.0);
+    }
+    rig.done(around(150.0));
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Orbit);
 }
 
 #[test]

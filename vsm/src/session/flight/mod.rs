@@ -612,6 +612,7 @@ impl Flight {
             progress: context.mission.progress,
             loaded: context.mission.loaded,
             plan: context.mission.plan,
+            fence: context.mission.fence,
             just_loaded,
             under_way: self.under_way(context),
             landing_from_m: self.landing_from_m,

@@ -302,6 +302,7 @@ const LOWEST_LAUNCH_M: f64 = 1.5;
 mod tests {
     use curve_paths::terrain::{Grid, Terrain};
     use mapping::altitude::{Agl, Altimeter, FRAME_AMSL, Level};
+    use mapping::area::Areas;
     use mapping::limits::{Limits, Performance};
     use mapping::plan::Plan;
     use mapping::route::{CompiledMission, Leg};
@@ -346,6 +347,7 @@ mod tests {
             progress: &RouteProgress::default(),
             loaded: None,
             plan,
+            fence: (&[], &Areas::default()),
             just_loaded: false,
             under_way: UnderWay::default(),
             landing_from_m: None,

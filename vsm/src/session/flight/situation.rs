@@ -5,6 +5,7 @@
 
 use curve_paths::terrain::Terrain;
 use mapping::altitude::{Agl, Altimeter, Datum, Level};
+use mapping::area::{Area, Areas};
 use mapping::limits::{Limits, Performance, metres};
 use mapping::mode::Px4Mode;
 use mapping::plan::Plan;
@@ -71,6 +72,8 @@ pub(crate) struct Situation<'a> {
     pub(crate) loaded: Option<&'a UploadedMission>,
     /// The stored plan.
     pub(crate) plan: &'a Plan,
+    /// The fence: the areas of the configuration and those loaded by 50017.
+    pub(crate) fence: (&'a [Area], &'a Areas),
     /// The route has just been uploaded for this command.
     pub(crate) just_loaded: bool,
     /// What of earlier commands the vehicle may not show yet.

@@ -2,6 +2,7 @@
 
 use curve_paths::Position;
 use mapping::altitude::Level;
+use mapping::area::circle_crossing;
 use mapping::limits::{HeightError, disc};
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
@@ -194,6 +195,9 @@ fn go(
         .telemetry
         .position
         .ok_or("the vehicle has not reported a position yet")?;
+    if let Some(place) = place {
+        within_the_fence(place, pattern, hovers, at)?;
+    }
     let centre = draft
         .circle
         .map(|circle| (circle.centre.latitude, circle.centre.longitude));
@@ -267,6 +271,28 @@ fn go(
         draft.commanded.loiter_position = place;
     }
     Ok(())
+}
+
+/// PX4 compares a place to hover at with its fence (DO_REPOSITION), but no circle of a multicopter, and of one on wings only the centre.
+/// A circle where the vehicle is already is flown: refusing it would not stop the vehicle.
+fn within_the_fence(
+    place: (f64, f64),
+    pattern: Pattern,
+    hovers: bool,
+    at: &Situation<'_>,
+) -> Result<(), String> {
+    let radius_m = match (pattern, &at.wings) {
+        (Pattern::Circle(radius_m), _) => radius_m,
+        (Pattern::Own, Some(wings)) if !hovers => wings.loiter_radius_m.abs(),
+        _ => return Ok(()),
+    };
+    let (configured, loaded) = at.fence;
+    match circle_crossing(&loaded.numbered_with(configured), place, radius_m) {
+        Some(crossing) => Err(format!(
+            "mode 12 (loiter): the circle of {radius_m:.0} m {crossing}"
+        )),
+        None => Ok(()),
+    }
 }
 
 /// The circle that a multicopter flies.
