@@ -18,7 +18,7 @@ use stanag_msgs::enums::AreaType;
 use stanag_msgs::messages::AreaVertex;
 
 use crate::limits::{disc, metres};
-use crate::route::degrees_e7;
+use crate::route::{DO_JUMP, degrees_e7};
 
 /// What PX4 holds of a geofence: corners and circles together.
 pub const MAX_VERTICES: usize = 64;
@@ -108,35 +108,34 @@ impl Bound {
     }
 }
 
+/// Degrees of longitude eastward from one to another, the shorter way around.
+fn eastward(from: f64, to: f64) -> f64 {
+    (to - from + 540.0).rem_euclid(360.0) - 180.0
+}
+
 /// The way between two places in plain longitudes, as polygons have them: one across 180 degrees once on either side.
 fn plain(from: (f64, f64), to: (f64, f64)) -> [Line; 2] {
-    let turn = match to.1 - from.1 {
-        east if east > 180.0 => -360.0,
-        east if east < -180.0 => 360.0,
-        _ => 0.0,
+    let east = eastward(from.1, to.1);
+    let way = |first: f64, last: f64| {
+        let ends = [(from.0, first), (to.0, last)];
+        let [start, end] = ends.map(|(y, x)| Coord { x, y });
+        Line::new(start, end)
     };
-    let place = |(y, x): (f64, f64), by: f64| Coord { x: x + by, y };
-    [
-        Line::new(place(from, 0.0), place(to, turn)),
-        Line::new(place(from, -turn), place(to, 0.0)),
-    ]
+    [way(from.1, from.1 + east), way(to.1 - east, to.1)]
 }
 
 /// The place of a straight way that is nearest to a place, on a plane that touches the globe there.
 fn nearest(to: (f64, f64), start: (f64, f64), end: (f64, f64)) -> (f64, f64) {
     let shrinks = to.0.to_radians().cos();
-    let offset = |from: (f64, f64), at: (f64, f64)| {
-        let east = (at.1 - from.1 + 540.0).rem_euclid(360.0) - 180.0;
-        (at.0 - from.0, shrinks * east)
-    };
-    let (here, way) = (offset(to, start), offset(start, end));
+    let east = eastward(start.1, end.1);
+    let way = (end.0 - start.0, shrinks * east);
+    let here = (start.0 - to.0, shrinks * eastward(to.1, start.1));
     let length2 = way.0 * way.0 + way.1 * way.1;
     let part = if length2 > 0.0 {
         (-(here.0 * way.0 + here.1 * way.1) / length2).clamp(0.0, 1.0)
     } else {
         0.0
     };
-    let east = (end.1 - start.1 + 540.0).rem_euclid(360.0) - 180.0;
     (start.0 + part * way.0, start.1 + part * east)
 }
 
@@ -201,10 +200,46 @@ pub fn is_breached(areas: &[Area], at: (f64, f64)) -> bool {
 #[must_use]
 pub fn first_breach(areas: &[Area], items: &[Item]) -> Option<usize> {
     let bounds = bounds(areas);
-    let place = |item: &Item| (f64::from(item.x) / 1e7, f64::from(item.y) / 1e7);
     items
         .iter()
         .position(|item| item.is_flown_to() && breaches(&bounds, place(item)))
+}
+
+/// The first straight leg of a mission that crosses an area, by the items at its ends, as indices, and the area. PX4 compares only
+/// the places of the items, and flies such a mission until it breaches the area.
+#[must_use]
+pub fn first_leg_across(
+    areas: &[(u16, Area)],
+    items: &[Item],
+) -> Option<((usize, usize), Crossing)> {
+    let bounds = numbered(areas);
+    let place_from = |first: usize| {
+        let mut places = items.iter().enumerate().skip(first);
+        places.find(|(_, item)| item.is_flown_to())
+    };
+    let mut before = None;
+    for (at, item) in items.iter().enumerate() {
+        let to = match item.command {
+            DO_JUMP => place_from(item.params[0] as usize),
+            _ if item.is_flown_to() => Some((at, item)),
+            _ => continue,
+        };
+        if let Some(((from, start), (to, end))) = before.zip(to)
+            && let Some(crossing) = crossed(&bounds, place(start), place(end))
+        {
+            return Some(((from, to), crossing));
+        }
+        // Behind the last round of a loop the mission continues from where it jumps.
+        if item.command != DO_JUMP {
+            before = to;
+        }
+    }
+    None
+}
+
+/// The place of an item, degrees north and east.
+fn place(item: &Item) -> (f64, f64) {
+    (f64::from(item.x) / 1e7, f64::from(item.y) / 1e7)
 }
 
 fn bounds(areas: &[Area]) -> Vec<Bound> {
@@ -714,6 +749,107 @@ mod tests {
         )];
         assert!(crosses(&spike, middle, 1_000.0).is_some());
         assert_eq!(crosses(&spike, middle, 900.0), None);
+    }
+
+    #[test]
+    fn the_first_leg_across_an_area_is_named_though_its_ends_are_within() {
+        let item = |(north, east): (f64, f64)| Item {
+            frame: 6,
+            command: 16,
+            x: degrees_e7(north),
+            y: degrees_e7(east),
+            ..Item::default()
+        };
+        let across = |areas: &[(u16, Area)], places: &[(f64, f64)]| {
+            let items: Vec<Item> = places.iter().copied().map(item).collect();
+            first_leg_across(areas, &items).map(|(ends, crossing)| (ends, crossing.area))
+        };
+        let stays_out = square(AreaType::KeepOutPolygon).whole().unwrap();
+        let (west, east) = ((47.05, 7.9), (47.05, 8.2));
+        let (north_west, north_east) = ((47.2, 7.9), (47.2, 8.2));
+        let around = [west, north_west, north_east, east];
+        assert_eq!(across(&stays_out, &around), None);
+        assert_eq!(across(&[], &[west, east]), None);
+        let straight = [north_west, west, east];
+        assert_eq!(across(&stays_out, &straight), Some(((1, 2), 7)));
+        // Beside a circle by 111 m, and across it; 360 m of the leg are within.
+        let round = [(0, in_the_middle(false, 500.0))];
+        let beside = |north| [(north, 7.9), (north, 8.2)];
+        assert_eq!(across(&round, &beside(47.0555)), None);
+        assert_eq!(across(&round, &beside(47.0542)), Some(((0, 1), 0)));
+        assert_eq!(
+            across(&round, &[(47.05, 7.9), (47.05, 8.0)]),
+            None,
+            "short of it"
+        );
+        // An L to stay inside: the straight way between its ends leaves it, as by no circle.
+        let corners = [
+            (47.0, 8.0),
+            (47.0, 8.1),
+            (47.02, 8.1),
+            (47.02, 8.02),
+            (47.1, 8.02),
+            (47.1, 8.0),
+        ];
+        let shape = Shape::Polygon(corners.to_vec());
+        let keep_in = true;
+        let bent = [(9, Area { keep_in, shape })];
+        let (far_east, corner, far_north) = ((47.01, 8.09), (47.01, 8.01), (47.09, 8.01));
+        assert_eq!(across(&bent, &[far_east, corner, far_north]), None);
+        assert_eq!(across(&bent, &[far_east, far_north]), Some(((0, 1), 9)));
+        let round = [(8, in_the_middle(true, 5_000.0))];
+        assert_eq!(across(&round, &[(47.01, 8.05), (47.09, 8.05)]), None);
+        // What is between two places without being one is passed over, and a loop leads back.
+        let jump = Item {
+            frame: 2,
+            command: DO_JUMP,
+            params: [0.0, 3.0, 0.0, 0.0],
+            ..Item::default()
+        };
+        let looped = [item(far_east), item(corner), item(far_north), jump];
+        let found = first_leg_across(&bent, &looped).map(|(ends, _)| ends);
+        assert_eq!(found, Some((2, 0)));
+        let looped = [item(far_east), jump, item(corner), item(far_north)];
+        assert_eq!(first_leg_across(&bent, &looped), None);
+    }
+
+    #[test]
+    fn a_leg_across_180_degrees_is_compared_on_either_side() {
+        let leg = |north, from, to| {
+            [from, to].map(|east| Item {
+                frame: 6,
+                command: 16,
+                x: degrees_e7(north),
+                y: degrees_e7(east),
+                ..Item::default()
+            })
+        };
+        let polygon = |east: f64| Area {
+            keep_in: false,
+            shape: Shape::Polygon(vec![
+                (-16.8, east - 0.01),
+                (-16.8, east + 0.01),
+                (-16.6, east + 0.01),
+                (-16.6, east - 0.01),
+            ]),
+        };
+        let circle = Area {
+            keep_in: false,
+            shape: Shape::Circle {
+                centre: (-16.7, 179.9995),
+                radius_m: 500.0,
+            },
+        };
+        for area in [polygon(179.95), polygon(-179.95), circle] {
+            let areas = [(1, area)];
+            let across = |items: [Item; 2]| first_leg_across(&areas, &items).is_some();
+            assert!(across(leg(-16.7, 179.9, -179.9)), "{areas:?}");
+            assert!(across(leg(-16.7, -179.9, 179.9)), "{areas:?}");
+            assert!(!across(leg(-16.5, 179.9, -179.9)), "{areas:?}");
+        }
+        // The other way around the globe it would be crossed.
+        let areas = [(1, polygon(8.0))];
+        assert_eq!(first_leg_across(&areas, &leg(-16.7, 179.9, -179.9)), None);
     }
 
     #[test]

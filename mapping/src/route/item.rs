@@ -197,7 +197,7 @@ const VIDEO_STOP_CAPTURE: u16 = 2501;
 /// MAV_CMD_DO_VTOL_TRANSITION.
 pub(super) const DO_VTOL_TRANSITION: u16 = 3000;
 /// MAV_CMD_DO_JUMP.
-pub(super) const DO_JUMP: u16 = 177;
+pub(crate) const DO_JUMP: u16 = 177;
 /// MAV_CMD_DO_CHANGE_SPEED.
 pub(super) const DO_CHANGE_SPEED: u16 = 178;
 /// MAV_VTOL_STATE_MC.

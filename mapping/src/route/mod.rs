@@ -36,7 +36,7 @@ mod wings;
 
 pub use compile::compile;
 pub use error::{CurveError, Reason, RouteError, TerrainError};
-pub(crate) use item::degrees_e7;
+pub(crate) use item::{DO_JUMP, degrees_e7};
 pub use landing::complete;
 pub use mission::{CompiledMission, Curved, Leg, StreamedLeg, StreamedRun};
 pub use site::{Curving, FixedWing, Multicopter, Policy, Site, Vertices};

@@ -60,6 +60,8 @@ pub(crate) enum Cause {
     EndedLoad,
     /// The vehicle finds the route aboard infeasible within its fence.
     Infeasible,
+    /// A leg of the route aboard crosses an area of the fence.
+    LegAcross,
     /// The rally points aboard are not those of the configuration.
     Rally,
     /// The vehicle's RTL_TYPE ignores the rally points.

@@ -109,6 +109,30 @@ fn areas_go_aboard_whole_and_bound_the_routes_that_the_vehicle_takes() {
     rig.done(orders::load());
 }
 
+/// PX4 compares only the waypoints, and breaks the route off at the area.
+#[test]
+fn a_leg_across_an_area_is_an_alert_with_both_until_another_route_is_loaded() {
+    let mut rig = Rig::ready();
+    let keep_out = AreaType::KeepOutCircle;
+    rig.send_plan(vec![circle(2, keep_out, (150.0, 0.0), 40.0)]);
+    rig.done(order(AreaPlanMode::Load));
+    let across = "the leg from waypoint 1 to waypoint 2 enters area 2, to stay outside of";
+    let none = "no leg of the route aboard crosses an area of the fence any more";
+    let mut load = |(north, east)| {
+        rig.send_plan(vec![
+            orders::route(1).into(),
+            orders::waypoint(1, 2, 80.0, 0.0, 20.0).into(),
+            orders::waypoint(2, 0, north, east, 20.0).into(),
+        ]);
+        rig.done(orders::load());
+        rig.run(1.0);
+        [across, none].map(|text| rig.station().has_alert(text))
+    };
+    assert_eq!(load((90.0, 250.0)), [false, false]);
+    assert_eq!(load((250.0, 0.0)), [true, false]);
+    assert_eq!(load((90.0, 250.0)), [true, true]);
+}
+
 /// The vehicle reads its fence for some seconds, and until then reports the mission as what it was within the former one.
 #[test]
 fn a_route_aboard_that_is_loaded_again_under_a_tighter_fence_is_refused() {

@@ -48,6 +48,8 @@ pub(super) struct Fence {
     read_at: Option<Duration>,
     /// The id and the waypoints of the route that was last reported as infeasible within these areas.
     reported: Option<(u32, Vec<u16>)>,
+    /// The id and the places of the route whose legs were last compared with these areas.
+    compared: Option<(u32, Vec<(i32, i32)>)>,
     /// Why the vehicle does not hold the areas that it should, since the last attempt.
     fault: Option<String>,
     work: Option<Work>,
@@ -82,6 +84,7 @@ impl Fence {
     pub(super) fn set_configured(&mut self, configured: Vec<Area>, now: Duration) {
         self.configured = configured;
         self.reported = None;
+        self.compared = None;
         self.fault = None;
         self.kept.change(now);
     }
@@ -96,6 +99,7 @@ impl Fence {
             stored_wanted: false,
             read_at: None,
             reported: None,
+            compared: None,
             fault: None,
             work: None,
         }
@@ -404,6 +408,7 @@ impl Fence {
         route: Option<&UploadedMission>,
         effects: &mut Effects<'_>,
     ) {
+        self.watch_legs(route, effects);
         match (self.finds_infeasible(context.vehicle, route), route) {
             (Some(true), Some(route)) => {
                 let numbers = &route.compiled.waypoint_of;
@@ -424,6 +429,35 @@ impl Fence {
                 effects.clear(Cause::Infeasible, text);
             }
             (None, _) => {}
+        }
+    }
+
+    /// Whether a leg of the route aboard crosses an area: PX4 takes such a route, and breaks it off at the area. No reason to refuse
+    /// it: the way that is flown is not known to a turn, and an area may be one that the vehicle is to pass.
+    fn watch_legs(&mut self, route: Option<&UploadedMission>, effects: &mut Effects<'_>) {
+        let none = self.configured.is_empty() && self.loaded.is_empty();
+        let Some(route) = route.filter(|_| !none) else {
+            self.compared = None;
+            return effects.clear(Cause::LegAcross, NO_LEG);
+        };
+        let places = || route.compiled.items.iter().map(|item| (item.x, item.y));
+        // Compared by their places too: a vehicle without mission ids reports 0 for every route.
+        let is_compared = self.compared.as_ref().is_some_and(|(id, compared)| {
+            *id == route.mission_id && compared.iter().copied().eq(places())
+        });
+        if is_compared {
+            return;
+        }
+        self.compared = Some((route.mission_id, places().collect()));
+        let areas = self.loaded.numbered_with(&self.configured);
+        match route.leg_across(&areas) {
+            Some(leg) => effects.warn(
+                Cause::LegAcross,
+                format!(
+                    "the route aboard: {leg}; the vehicle compares only waypoints with its fence, begins the route, and acts on the                      breach in flight (GF_ACTION): load another route (13000), or other areas (50017)"
+                ),
+            ),
+            None => effects.clear(Cause::LegAcross, NO_LEG),
         }
     }
 
@@ -490,6 +524,7 @@ impl Fence {
         let requester = work.requester;
         self.loaded = work.areas;
         self.reported = None;
+        self.compared = None;
         // The configuration may have changed since it was sent: what is aboard and no longer configured has yet to be cleared.
         let aboard = !work.points.is_empty();
         self.kept.wanted = aboard || !self.configured.is_empty();
@@ -673,6 +708,8 @@ fn judged_after(points: &[FencePoint]) -> Duration {
 const KIND: MavMissionType = MavMissionType::MAV_MISSION_TYPE_FENCE;
 /// Text of the cleared warning.
 const UPLOADED: &str = "the fence is uploaded";
+/// Text of the cleared warning.
+const NO_LEG: &str = "no leg of the route aboard crosses an area of the fence any more";
 const NONE_LOADED: &str =
     "no areas are loaded: those that were sent (50016) wait for a load (50017)";
 /// PX4 v1.18 reads a vertex of its fence in two rounds of its navigator, at 20 Hz (geofence.cpp, DatamanCache::update): 40 vertices

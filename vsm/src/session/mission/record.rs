@@ -62,6 +62,18 @@ impl UploadedMission {
         area::first_breach(areas, &self.compiled.items)
     }
 
+    /// Its first leg that crosses one of these areas, between places that breach none, in words with the area.
+    pub(crate) fn leg_across(&self, areas: &[(u16, Area)]) -> Option<String> {
+        let ((from, to), crossing) = area::first_leg_across(areas, &self.compiled.items)?;
+        let to = self.compiled.item_in_words(to)?;
+        let from = self.compiled.item_in_words(from)?;
+        Some(match from == to {
+            // Chords of one curve, or the way to the first waypoint.
+            true => format!("the leg to {to} {crossing}"),
+            false => format!("the leg from {from} to {to} {crossing}"),
+        })
+    }
+
     /// That the vehicle finds it infeasible, and what to do, for an operator. `breach`: the item that breaches its fence, if one does.
     pub(crate) fn infeasible(&self, breach: Option<usize>) -> String {
         let Some(item) = breach else {
