@@ -41,6 +41,8 @@ pub(super) struct Judged {
     pub(super) steps: Vec<Step>,
     /// The pointing mode from here on.
     pub(super) mode: Option<Pointing>,
+    /// A note for the operator.
+    pub(super) note: Option<&'static str>,
 }
 
 /// 19001.
@@ -83,7 +85,10 @@ pub(super) fn steering(
                 .to_owned(),
         );
     }
-    Ok(Judged { steps, mode: None })
+    Ok(Judged {
+        steps,
+        ..Judged::default()
+    })
 }
 
 fn angles(
@@ -244,8 +249,11 @@ pub(super) fn sensor(
     }
     // 0 means no mode: a station that sends every field fills unused ones with 0.
     let mode = (command.set_eo_ir_pointing_mode).filter(|mode| *mode != Pointing::NoValue);
+    let mut note = None;
     if let Some(mode) = mode {
         let points = pointing_mode(mode, at)?;
+        let keeps = points.iter().any(|step| matches!(step, Step::Point(_)));
+        note = (keeps && mode == Pointing::LatLongSlaved).then_some(NO_PLACE);
         if !points.is_empty() && matches!(system, Some(System::Stow | System::Cage)) {
             return Err(
                 "stow or cage, and another pointing mode, which would end it: command one of them"
@@ -254,7 +262,7 @@ pub(super) fn sensor(
         }
         steps.extend(points);
     }
-    Ok(Judged { steps, mode })
+    Ok(Judged { steps, mode, note })
 }
 
 fn image_output(output: Option<ImageOutput>, at: &Situation<'_>) -> Result<Option<Step>, String> {
@@ -431,16 +439,17 @@ fn pointing_mode(mode: Pointing, at: &Situation<'_>) -> Result<Vec<Step>, String
             inertial: mode == Pointing::SlewRateInertial,
             ..Slew::STILL
         }),
-        // The gimbal locks on the centre of the view (4.1.3.2 of Edition 2.5).
+        // The gimbal locks on the centre of the view (4.1.3.2 of Edition 2.5). Where that meets no ground, as where PX4 leaves it
+        // (level), it keeps its direction: the place is that of the 19001 which follows.
         Pointing::LatLongSlaved => {
             gimbal(at)?;
             let ground = at
                 .ground
                 .ok_or("the height of the ground is not known yet: no home")?;
-            let seen = at.station.footprint(at.telemetry, &ground).ok_or(
-                "the centre of the view meets no ground that is known: look below the horizon first",
-            )?;
-            Step::StareAt(seen.place)
+            match at.station.footprint(at.telemetry, &ground) {
+                Some(seen) => Step::StareAt(seen.place),
+                None => Step::Point(looking(at)?),
+            }
         }
         Pointing::TargetSlaved => {
             return Err("Set EO/IR Pointing Mode 5: no target is tracked here".to_owned());
@@ -511,4 +520,6 @@ fn camera<'a>(
     }
 }
 
+const NO_PLACE: &str = "pointing mode 4: the centre of the view meets no ground that is known; the gimbal keeps its direction until 19001 \
+                        names a place";
 const MIN_ROOM_MIB: f64 = 16.0;

@@ -293,7 +293,7 @@ impl Payload {
             by_hand: state.by_hand && !in_progress(Step::ends_manual_focus),
         };
         let steers = matches!(message, Message::PayloadSteeringCommand(_));
-        let Judged { steps, mode } = match message {
+        let Judged { steps, mode, note } = match message {
             Message::PayloadSteeringCommand(m) => judge::steering(m, &situation)?,
             Message::EoIrLaserPayloadCommand(m) => judge::sensor(m, &situation)?,
             _ => Judged::default(),
@@ -330,6 +330,9 @@ impl Payload {
         }
         if steps.is_empty() {
             return Ok(None);
+        }
+        if let Some(note) = note {
+            effects.advise(note);
         }
         let replaced = self.replace(equipment.number, &steps, effects);
         let state = self.states.entry(equipment.number).or_default();

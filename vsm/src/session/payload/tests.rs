@@ -557,6 +557,57 @@ fn a_place_is_looked_at_without_a_command_that_turns_the_vehicle() {
     assert_eq!(attitudes(&mut scene), [], "nobody holds it");
 }
 
+/// PX4 leaves a gimbal level that nobody has turned yet.
+#[test]
+fn a_gimbal_that_looks_at_no_ground_keeps_its_direction_until_a_place_is_named() {
+    let mut scene = Scene::new();
+    scene.report(1, manager([245, 190]));
+    scene.accept(1);
+    let slaved = Message::from(EoIrLaserPayloadCommand {
+        station_number_1_16: Some(StationBitmap1To16::from_raw(1)),
+        set_eo_ir_pointing_mode: Some(EoirPointingMode::LatLongSlaved),
+        ..EoIrLaserPayloadCommand::default()
+    });
+    scene.world.sent_to(0);
+    scene.handle(Input::Command {
+        origin: origin(&slaved),
+        message: &slaved,
+    });
+    let sent = scene.world.sent_to(0);
+    assert_eq!(acknowledgements(&sent), [AckType::Received]);
+    let text = |message: &Message| match message {
+        Message::SubsystemStatusAlert(alert) => {
+            alert.text.as_ref().map(|text| text.as_str().to_owned())
+        }
+        _ => None,
+    };
+    let noted: String = sent.iter().filter_map(text).collect();
+    assert!(
+        noted.contains("pointing mode 4: the centre of the view"),
+        "{noted}"
+    );
+    assert_eq!(
+        scene.accept(1),
+        [MavCmd::MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW]
+    );
+    scene.later(0.2);
+    scene.report(GIMBAL, looking(0.0));
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+    // 100 m north, 100 m below.
+    let stare = PayloadSteeringCommand {
+        latitude: Some(Bam32::from_degrees(47.4 + 100.0 / 111_195.0)),
+        longitude: Some(Bam32::from_degrees(8.5)),
+        altitude: Some(Scaled::saturating_from_si(0.0)),
+        altitude_type: Some(stanag_msgs::enums::AltitudeType::Agl),
+        ..steer(0.0)
+    };
+    assert_eq!(scene.command(stare), [AckType::Received]);
+    assert_eq!(attitudes(&mut scene).len(), 1);
+    scene.later(0.3);
+    scene.report(GIMBAL, looking(45.0));
+    assert_eq!(scene.answers(), [AckType::CarriedOut]);
+}
+
 /// PX4 moves no output whose axis is to be locked and is not stabilised, and reports it as if it did.
 #[test]
 fn a_gimbal_on_the_autopilots_outputs_is_pointed_from_the_vehicle_and_looks_where_they_are() {
