@@ -297,6 +297,7 @@ impl World {
             fence_busy: false,
             areas: &self.areas,
             fence: (&[], &self.areas),
+            unfenced: None,
             infeasible: self.infeasible,
             may_change: match self.transfer {
                 Transfer::None => Ok(()),

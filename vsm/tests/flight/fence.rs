@@ -398,6 +398,27 @@ fn areas_of_the_configuration_are_uploaded_before_any_request_and_stay() {
     assert_eq!(aboard(&rig), [5003]);
 }
 
+/// As a route is, which would be flown without the fence too.
+#[test]
+fn a_launch_is_refused_while_the_fence_of_the_file_cannot_go_aboard() {
+    let mut rig = Rig::ready_with(Setup {
+        vehicle_keys: "[[vehicle.area]]\nkeep = \"in\"\ncentre = [47.5, 8.5455939]\nradius_m = 900.0\n",
+        ..Setup::default()
+    });
+    let why = "the fence is not uploaded: area 0";
+    assert!(rig.until(30.0, |rig| rig.station().has_alert(why)));
+    let launch = || orders::launch(20.0);
+    assert_eq!(rig.carry_out(launch()), Some(AckType::Refused));
+    rig.run(0.5);
+    let why = "mode 21 (launch): the vehicle is not known to hold its fence: area 0";
+    assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
+    let about_home = rig.text.replacen("[47.5, ", "[47.3977434, ", 1);
+    rig.reload(&about_home).expect("applied");
+    assert!(rig.until(10.0, |rig| aboard(rig) == [5003]));
+    rig.run(5.0);
+    rig.done(launch());
+}
+
 /// PX4 reads a polygon after a circle as many, each with corners of what follows.
 #[test]
 fn circles_go_aboard_after_the_polygons_and_every_area_binds() {

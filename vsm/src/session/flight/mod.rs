@@ -613,6 +613,7 @@ impl Flight {
             loaded: context.mission.loaded,
             plan: context.mission.plan,
             fence: context.mission.fence,
+            unfenced: context.mission.unfenced,
             just_loaded,
             under_way: self.under_way(context),
             landing_from_m: self.landing_from_m,

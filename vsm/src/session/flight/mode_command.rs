@@ -185,6 +185,12 @@ fn launch(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<T
                 .to_owned(),
         );
     }
+    // In the air it would be bounded by nothing, and be refused every route.
+    if let Some(why) = at.unfenced {
+        return Err(format!(
+            "mode 21 (launch): the vehicle is not known to hold its fence: {why}"
+        ));
+    }
     let route = has(RouteType::Launch, at);
     let metres =
         altitude(command).ok_or("mode 21 (launch) needs a commanded altitude to take off to")?;
@@ -348,6 +354,7 @@ mod tests {
             loaded: None,
             plan,
             fence: (&[], &Areas::default()),
+            unfenced: None,
             just_loaded: false,
             under_way: UnderWay::default(),
             landing_from_m: None,

@@ -74,6 +74,8 @@ pub(crate) struct Situation<'a> {
     pub(crate) plan: &'a Plan,
     /// The fence: the areas of the configuration and those loaded by 50017.
     pub(crate) fence: (&'a [Area], &'a Areas),
+    /// Why the vehicle does not hold it, where it could not be uploaded.
+    pub(crate) unfenced: Option<&'a str>,
     /// The route has just been uploaded for this command.
     pub(crate) just_loaded: bool,
     /// What of earlier commands the vehicle may not show yet.

@@ -140,9 +140,7 @@ impl Fence {
         if self.busy() {
             return Ok(false);
         }
-        // What is left to be cleared forbids more than it should, never less.
-        let none = !self.kept.wanted || self.configured.is_empty() && self.loaded.is_empty();
-        if none || self.kept.id().is_some() {
+        if !self.is_due() {
             return Ok(true);
         }
         let silent = (!vehicle.live()).then_some("no data from the vehicle");
@@ -152,6 +150,19 @@ impl Fence {
             )),
             None => Ok(false),
         }
+    }
+
+    /// Why the vehicle does not hold the areas that it should, since the last attempt; also while they are sent once more. `None` while
+    /// they are compared or sent for the first time.
+    pub(super) fn failed(&self) -> Option<&str> {
+        self.fault.as_deref().filter(|_| self.is_due())
+    }
+
+    /// Whether the vehicle is not known to hold areas that it should.
+    fn is_due(&self) -> bool {
+        // What is left to be cleared forbids more than it should, never less.
+        let none = !self.kept.wanted || self.configured.is_empty() && self.loaded.is_empty();
+        !none && self.kept.id().is_none()
     }
 
     /// The bridge did not run for so long.

@@ -209,6 +209,7 @@ impl Mission {
             fence_busy: self.fence.busy() || self.rally.busy(),
             areas: self.fence.sent(),
             fence: self.fence.areas(),
+            unfenced: self.fence.failed(),
             infeasible: self.fence.finds_infeasible(vehicle, self.uploaded()) == Some(true),
             may_change: self.may_send_by_itself(vehicle, services),
         }
