@@ -378,26 +378,55 @@ fn a_controller_that_is_lost_meanwhile_is_made_up_for_once_nothing_is_commanded_
     );
 }
 
-#[test]
-fn it_takes_over_from_sticks_and_nothing_is_polled_in_vain() {
-    let mut rig = airborne(LAND);
+/// Sends centred sticks for so long.
+fn fly(rig: &mut Rig, seconds: f64) {
     let sticks = UaStickCommand {
         longitudinal_stick: Some(0),
         throttle_stick_engine_1: Some(50),
         ..UaStickCommand::default()
     };
-    let fly = |rig: &mut Rig, seconds: f64| {
-        for _ in 0..(seconds * 10.0) as u32 {
-            rig.send_once(sticks.clone());
-            rig.run(0.1);
-        }
-    };
+    for _ in 0..(seconds * 10.0) as u32 {
+        rig.send_once(sticks.clone());
+        rig.run(0.1);
+    }
+}
+
+/// Flown by sticks, with a landing armed.
+fn armed_by_hand(setup: Setup) -> Rig {
+    let mut rig = airborne_with(setup);
     fly(&mut rig, 0.5);
     rig.send(orders::mode(Mode::FlightDirector));
     fly(&mut rig, 3.0);
     assert_eq!(rig.truth().mode, Px4::PosCtl);
     rig.send(order(FtState::Arm));
     fly(&mut rig, 1.0);
+    rig
+}
+
+/// NAV_RCL_ACT hold and land: PX4 holds, in a landing too, once it misses the sticks.
+#[test]
+fn a_landing_that_has_ended_the_sticks_is_not_left_for_the_hold_of_their_loss() {
+    for on_loss in [1.0, 3.0] {
+        let mut rig = armed_by_hand(Setup {
+            vehicles: vec![px4_sim::Config {
+                params: vec![(px4_sim::Param::NAV_RCL_ACT, on_loss)],
+                ..px4_sim::Config::default()
+            }],
+            ..setup(LAND)
+        });
+        rig.send(order(FtState::Execute));
+        assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Land));
+        assert!(rig.until(5.0, |rig| rig.truth().mode == Px4::Loiter));
+        let ended = rig.until(90.0, |rig| rig.truth().landed && !rig.truth().armed);
+        let alerts = rig.station().alerts();
+        assert!(ended, "{on_loss}: {alerts:?}");
+        assert!(!rig.station().has_alert("TERMINATION LEFT"), "{alerts:?}");
+    }
+}
+
+#[test]
+fn it_takes_over_from_sticks_and_nothing_is_polled_in_vain() {
+    let mut rig = armed_by_hand(setup(LAND));
     let overdue = |rig: &mut Rig| {
         let mut overdue = 0;
         for _ in 0..100 {

@@ -10,6 +10,8 @@
 //! since a failed downlink is a reason to end a flight. But a mode that a pilot can leave is commanded at most five times
 //! without data of the vehicle.
 //!
+//! A landing or return that PX4 leaves for a hold as its failsafe is commanded again, at most three times.
+//!
 //! Only a report after the last command counts as the vehicle's answer: it may have been landing or returning before.
 //!
 //! While it is commanded, and while the vehicle lands or returns by it, nothing else is flown: maneuvers and streams end,
@@ -37,6 +39,7 @@ use super::context::{Context, Origin, TerminationView};
 use super::effects::{Effects, Request};
 use super::log::LogLevel;
 use super::maneuver::set_mode;
+use super::other::Other;
 use super::two_steps::{self, Order};
 use crate::config::{Provisional, TerminationAction as Action};
 
@@ -56,6 +59,8 @@ pub(crate) struct Termination {
     sent_at: Option<Duration>,
     /// How often it was sent since the vehicle last reported its mode.
     unseen: u32,
+    /// How often it was sent since the vehicle showed it, because a failsafe held the vehicle.
+    again: u32,
     /// When 3005 is next sent.
     report_at: Option<Duration>,
     /// What 3005 last reported to all listeners; `None` after a start.
@@ -181,7 +186,7 @@ impl Termination {
                         // 17000 type 1 at once; type 2 or 3 follows when the vehicle has shown the outcome.
                         effects.acknowledge(&origin, AckType::Received);
                         self.commanded = planned_action(context).map(|action| (origin, action));
-                        (self.sent_at, self.unseen) = (None, 0);
+                        (self.sent_at, self.unseen, self.again) = (None, 0, 0);
                         self.audit = Some((None, context.mono() + AUDITED_WITHIN));
                         effects.request(Request::YieldToTermination);
                     }
@@ -269,9 +274,22 @@ impl Termination {
     }
 
     fn send(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
-        let Stage::Commanded { action, .. } = self.rules.stage() else {
-            self.send_at = None;
-            return;
+        let stage = self.rules.stage();
+        let action = match stage {
+            Stage::Commanded { action, .. } => action,
+            Stage::Executing {
+                by: Some(_),
+                action,
+                left: Some(_),
+            } if self.again < AGAINST_HOLD && holds_as_failsafe(context) => {
+                let now = context.mono();
+                self.send_at = Some(self.sent_at.map_or(now, |sent| sent + AGAIN));
+                action
+            }
+            _ => {
+                self.send_at = None;
+                return;
+            }
         };
         if self.send_at.is_none_or(|at| at > context.mono()) {
             return;
@@ -290,6 +308,14 @@ impl Termination {
             .post(command_of(action, context.config.system_id));
         self.rules.sent();
         self.unseen += 1;
+        if matches!(stage, Stage::Executing { .. }) {
+            self.again += 1;
+            effects.notify(
+                AlertPriority::Warning,
+                SUBSYSTEM,
+                "flight termination commanded again: the vehicle holds as its failsafe",
+            );
+        }
         self.sent_at = Some(context.mono());
     }
 
@@ -485,10 +511,19 @@ fn command_of(action: Action, system: u8) -> MavMessage {
     }
 }
 
+/// Whether PX4 holds as its failsafe, as it does in a landing once it misses the sticks that the termination has ended. It is no pilot
+/// who has chosen that, and what it leads to, if anything, is not what was commanded.
+fn holds_as_failsafe(context: &Context<'_>) -> bool {
+    let other = Other::of(&context.vehicle.telemetry);
+    other == Some(Other::Failsafe(Px4Mode::LOITER))
+}
+
 /// Time between two commands, until the vehicle shows it.
 const AGAIN: Duration = Duration::from_secs(1);
 /// Maximum number of commands to land or return without a report of the vehicle's mode.
 const UNSEEN: u32 = 5;
+/// Maximum number of commands against a hold of PX4 after the vehicle has shown the landing or return. One ends a failsafe.
+const AGAINST_HOLD: u32 = 3;
 /// How long the command waits for its entry of the audit log.
 const AUDITED_WITHIN: Duration = Duration::from_secs(1);
 /// Period of 3005 while anything is armed, commanded or executed.

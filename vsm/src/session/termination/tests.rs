@@ -1,6 +1,7 @@
 //! The machine without the others: what it sends, and what of the vehicle's reports it takes for an answer.
 
 use mapping::mode::Px4Mode;
+use mavlink_link::dialect::MavState;
 use stanag_msgs::TimeStamp;
 use stanag_msgs::enums::FtState;
 
@@ -87,6 +88,32 @@ fn a_landing_is_not_commanded_for_ever_without_sight_of_the_vehicle_and_an_end_o
     assert_eq!(watch(&mut world, &mut landing, 20), UNSEEN as usize);
     let mut end = commanded(&world, Action::Terminate);
     assert_eq!(watch(&mut world, &mut end, 20), 20);
+}
+
+/// PX4 misses the sticks that the termination has ended.
+#[test]
+fn a_landing_that_a_failsafe_holds_is_commanded_again_a_few_times_and_over_a_pilot_never() {
+    for (status, commands) in [
+        (MavState::MAV_STATE_CRITICAL, AGAINST_HOLD as usize),
+        (MavState::MAV_STATE_ACTIVE, 0),
+    ] {
+        let mut world = World::airborne(Px4Mode::POSCTL);
+        // One that may reset it.
+        world.stations[0].profile.provisional = Provisional::All;
+        let mut landing = commanded(&world, Action::Land);
+        assert_eq!(watch(&mut world, &mut landing, 1), 1);
+        world.show_mode(Px4Mode::LAND);
+        assert_eq!(watch(&mut world, &mut landing, 1), 0);
+        assert_eq!(landing.rules.reported(), FtState::Execute);
+        world.vehicle.telemetry.system_status = Some(status);
+        let mut sent = 0;
+        for _ in 0..8 {
+            world.show_mode(Px4Mode::LOITER);
+            sent += watch(&mut world, &mut landing, 1);
+        }
+        assert_eq!(sent, commands, "{status:?}");
+        assert_eq!(landing.rules.reported(), FtState::Reset, "left");
+    }
 }
 
 #[test]
