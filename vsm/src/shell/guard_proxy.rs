@@ -4,7 +4,7 @@
 //! On loopback the sender has no key. So the guard looks up who owns the sending socket, as for a vehicle that is given a
 //! key ([`LocalPeers`]), and refuses programs of other users.
 //!
-//! No datagram waits for the disk: other threads make what is written durable ([`GuardDisk`]). A ceiling is raised seconds before
+//! No datagram waits for the disk: other threads make what is written durable (`GuardDisk`). A ceiling is raised seconds before
 //! it is needed, and a step of the exchange that promises a key leaves once the key is durable.
 
 use std::io;
