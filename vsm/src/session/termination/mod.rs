@@ -512,10 +512,12 @@ fn command_of(action: Action, system: u8) -> MavMessage {
 }
 
 /// Whether PX4 holds as its failsafe, as it does in a landing once it misses the sticks that the termination has ended. It is no pilot
-/// who has chosen that, and what it leads to, if anything, is not what was commanded.
+/// who has chosen that, and what it leads to, if anything, is not what was commanded. A hold that one has chosen is none, whatever
+/// failsafe would hold too.
 fn holds_as_failsafe(context: &Context<'_>) -> bool {
-    let other = Other::of(&context.vehicle.telemetry);
-    other == Some(Other::Failsafe(Px4Mode::LOITER))
+    let telemetry = &context.vehicle.telemetry;
+    let is_chosen = telemetry.intended_mode == Some(Px4Mode::LOITER);
+    !is_chosen && Other::of(telemetry) == Some(Other::Failsafe(Px4Mode::LOITER))
 }
 
 /// Time between two commands, until the vehicle shows it.

@@ -93,9 +93,14 @@ fn a_landing_is_not_commanded_for_ever_without_sight_of_the_vehicle_and_an_end_o
 /// PX4 misses the sticks that the termination has ended.
 #[test]
 fn a_landing_that_a_failsafe_holds_is_commanded_again_a_few_times_and_over_a_pilot_never() {
-    for (status, commands) in [
-        (MavState::MAV_STATE_CRITICAL, AGAINST_HOLD as usize),
-        (MavState::MAV_STATE_ACTIVE, 0),
+    use MavState::{MAV_STATE_ACTIVE as ACTIVE, MAV_STATE_CRITICAL as CRITICAL};
+    let again = AGAINST_HOLD as usize;
+    for (status, intended, commands) in [
+        (CRITICAL, None, again),
+        (CRITICAL, Some(Px4Mode::LAND), again),
+        // A hold that is chosen while a failsafe would hold too.
+        (CRITICAL, Some(Px4Mode::LOITER), 0),
+        (ACTIVE, None, 0),
     ] {
         let mut world = World::airborne(Px4Mode::POSCTL);
         // One that may reset it.
@@ -109,9 +114,10 @@ fn a_landing_that_a_failsafe_holds_is_commanded_again_a_few_times_and_over_a_pil
         let mut sent = 0;
         for _ in 0..8 {
             world.show_mode(Px4Mode::LOITER);
+            world.vehicle.telemetry.intended_mode = intended;
             sent += watch(&mut world, &mut landing, 1);
         }
-        assert_eq!(sent, commands, "{status:?}");
+        assert_eq!(sent, commands, "{status:?} {intended:?}");
         assert_eq!(landing.rules.reported(), FtState::Reset, "left");
     }
 }
