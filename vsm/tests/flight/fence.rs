@@ -131,6 +131,11 @@ fn a_leg_across_an_area_is_an_alert_with_both_until_another_route_is_loaded() {
     assert_eq!(load((90.0, 250.0)), [false, false]);
     assert_eq!(load((250.0, 0.0)), [true, false]);
     assert_eq!(load((90.0, 250.0)), [true, true]);
+    let alerts = rig.station().alerts();
+    assert!(
+        !alerts.iter().any(|alert| alert.contains("  ")),
+        "{alerts:?}"
+    );
 }
 
 /// The vehicle reads its fence for some seconds, and until then reports the mission as what it was within the former one.

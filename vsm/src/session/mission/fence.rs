@@ -465,7 +465,8 @@ impl Fence {
             Some(leg) => effects.warn(
                 Cause::LegAcross,
                 format!(
-                    "the route aboard: {leg}; the vehicle compares only waypoints with its fence, begins the route, and acts on the                      breach in flight (GF_ACTION): load another route (13000), or other areas (50017)"
+                    "the route aboard: {leg}; the vehicle compares only waypoints with its fence, begins the route, and acts on the \
+                     breach in flight (GF_ACTION): load another route (13000), or other areas (50017)"
                 ),
             ),
             None => effects.clear(Cause::LegAcross, NO_LEG),
