@@ -305,7 +305,7 @@ fn a_failsafe_that_takes_the_vehicle_from_the_sticks_keeps_it_while_they_come() 
         fly(&mut rig, 12.0, &sticks(100, 0, 50));
         assert_eq!(rig.truth().mode, Px4::Loiter);
         let alerts = rig.station().alerts();
-        let steers = "the sticks (2010) steer no longer";
+        let steers = "the sticks (2010) do not steer";
         let named = alerts.iter().filter(|alert| alert.contains(steers));
         assert_eq!(named.count(), 1, "{alerts:?}");
         if they_continue {

@@ -66,6 +66,7 @@ use super::duplicates::Seen;
 use super::effects::{Effects, Request};
 use super::ignored_fields;
 use super::link::services::Services;
+use super::link::state::VehicleState;
 use super::maneuver::{self, Maneuver, Progress, Step};
 use super::other::Other;
 use crate::config::{LinkAddress, OnLoss};
@@ -877,24 +878,19 @@ impl Flight {
 
     /// `uncommanded`: no other mode than that of the sticks is commanded.
     fn stand_aside(&mut self, context: &Context<'_>, uncommanded: bool, effects: &mut Effects<'_>) {
-        let vehicle = context.vehicle;
-        // What it steers by sticks alone, as without a position, is left to their loss.
-        let by_itself = |mode: Px4Mode| mode.main() == Px4Mode::LOITER.main();
-        let failsafe = match Other::of(&vehicle.telemetry) {
-            Some(Other::Failsafe(mode)) if uncommanded && by_itself(mode) => Some(mode),
-            _ => None,
-        };
-        let by_hand = vehicle.telemetry.mode == Some(Px4Mode::POSCTL);
-        let now = context.mono();
-        if self.sticks.stand_aside(now, failsafe.is_some(), by_hand)
-            && let Some(mode) = failsafe
-        {
-            effects.advise(format!(
-                "the sticks (2010) steer no longer: the vehicle has left {} for {} as its failsafe, and stays there while they come; \
-                 command mode 2 (manual) to steer by them again",
-                Px4Mode::POSCTL.name(),
-                mode.name()
-            ));
+        let telemetry = &context.vehicle.telemetry;
+        let failsafe = flies_failsafe(context.vehicle).filter(|_| uncommanded);
+        let were_aside = self.sticks.are_aside();
+        let cease = self.sticks.stand_aside(context.mono(), failsafe.is_some());
+        let by_hand = telemetry.mode == Some(Px4Mode::POSCTL) && telemetry.armed != Some(false);
+        match failsafe {
+            Some(mode) if cease => advise_centred(mode, effects),
+            None if were_aside && by_hand => effects.warn_of_link(format!(
+                "the vehicle is in {} again, by itself or by a pilot: the sticks (2010) end, which would keep out a pilot's, and without \
+                 any it acts by its own parameters; command mode 2 (manual) to steer by them",
+                Px4Mode::POSCTL.name()
+            )),
+            _ => {}
         }
     }
 
@@ -957,6 +953,25 @@ fn select(mode: Mode) -> VehicleOperatingModeCommand {
         select_flight_path_control_mode: Some(mode),
         ..VehicleOperatingModeCommand::default()
     }
+}
+
+/// The mode in which the vehicle flies by itself as a failsafe of PX4. What it steers by sticks alone, as without a position, is left to
+/// their loss. A vehicle that is disarmed misses none.
+fn flies_failsafe(vehicle: &VehicleState) -> Option<Px4Mode> {
+    let by_itself = |mode: Px4Mode| mode.main() == Px4Mode::LOITER.main();
+    match Other::of(&vehicle.telemetry)? {
+        Other::Failsafe(mode) if by_itself(mode) && vehicle.may_fly() => Some(mode),
+        _ => None,
+    }
+}
+
+/// Reports that centred sticks are sent in place of those that come.
+fn advise_centred(failsafe: Px4Mode, effects: &mut Effects<'_>) {
+    effects.advise(format!(
+        "the sticks (2010) do not steer: the vehicle flies {} as its failsafe, and stays in it while they come; command mode 2 (manual) to \
+         steer by them",
+        failsafe.name()
+    ));
 }
 
 const TERMINATING: &str = "a flight termination is commanded";

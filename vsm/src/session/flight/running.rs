@@ -15,7 +15,7 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 use super::sticks::lost_within;
 use super::unexplained::Unexplained;
 use super::wings::{BreakOff, Shown};
-use super::{Context, Flight, curve_stream, select};
+use super::{Context, Flight, advise_centred, curve_stream, flies_failsafe, select};
 use crate::config::OnLoss;
 use crate::session::context::{Continues, Origin};
 use crate::session::effects::{Effects, Request};
@@ -241,14 +241,18 @@ impl Flight {
         }
     }
 
-    /// Ends streams whose mode is left; within their mode they must not be interrupted.
-    fn give_up_streams(&mut self, context: &Context<'_>) {
+    /// Ends streams whose mode is left; within their mode they must not be interrupted. Returns the failsafe of PX4 for which centred
+    /// sticks follow those of a mode 2 that was not entered.
+    fn give_up_streams(&mut self, context: &Context<'_>) -> Option<Px4Mode> {
+        self.steering.give_up(context.mono());
         // Sticks end even if the vehicle might still enter the mode: moving sticks would override the new command
         // (MAN_OVERRIDE_SPD, before v1.18 COM_RC_OVERRIDE). Centred ones do not.
-        if context.vehicle.telemetry.mode != Some(Px4Mode::POSCTL) && !self.sticks.are_aside() {
-            self.sticks.release();
+        if context.vehicle.telemetry.mode == Some(Px4Mode::POSCTL) {
+            return None;
         }
-        self.steering.give_up(context.mono());
+        let failsafe = flies_failsafe(context.vehicle);
+        let centred = self.sticks.give_up(failsafe.is_some());
+        failsafe.filter(|_| centred)
     }
 
     /// Warns of a landing that was broken off, once the vehicle reports it: PX4 may refuse what was commanded.
@@ -349,7 +353,9 @@ impl Flight {
         if let Some((_, mut maneuver)) = self.maneuver.take() {
             maneuver.abandon(context.mono(), context.vehicle, effects.vehicle);
         }
-        self.give_up_streams(context);
+        if let Some(failsafe) = self.give_up_streams(context) {
+            advise_centred(failsafe, effects);
+        }
         self.forget_commanded(context);
         self.refuse(context, origin, why, effects);
     }

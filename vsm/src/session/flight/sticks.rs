@@ -12,7 +12,9 @@
 //! [`Again::AfterSticks`](crate::session::maneuver).
 //!
 //! A failsafe of PX4 may take the vehicle out of the mode while sticks arrive, as at a fence. PX4 would miss them there too, and leave
-//! the failsafe's mode for what that is to do. So centred ones are sent for as long as they arrive ([`Sticks::stand_aside`]).
+//! the failsafe's mode for what that is to do. So centred ones are sent for as long as they arrive ([`Sticks::stand_aside`]), also after
+//! a mode 2 that PX4 refuses there ([`Sticks::give_up`]). They end with the failsafe: PX4 takes one source of sticks at a time, and a pilot
+//! who has the vehicle by then would be kept out.
 //!
 //! No source gives the scale of the sticks: per cent of travel, -100 to 100, throttle 0 to 100. Right, forward (nose
 //! down) and clockwise are positive. An absent stick is centred, an absent throttle is half: hold the height.
@@ -140,7 +142,6 @@ impl Sticks {
     /// a pilot is flying.
     pub(super) fn steer(&self, now: Duration) -> bool {
         match self.stream {
-            // Where PX4 is back in the mode, it may be by a pilot.
             Stream::Off | Stream::Aside => false,
             Stream::Entering | Stream::Flying => true,
             Stream::Lost(since) => now.saturating_sub(since) < LEFT_WITHIN,
@@ -180,17 +181,17 @@ impl Sticks {
         });
     }
 
-    /// `failsafe`: the vehicle flies by itself as a failsafe of PX4, and not because of a command; `by_hand`: it is in POSCTL. Returns
-    /// whether the sticks have just ceased to steer: they steer again by another 2016, also where PX4 returns to the mode by itself.
-    pub(super) fn stand_aside(&mut self, now: Duration, failsafe: bool, by_hand: bool) -> bool {
+    /// `failsafe`: the vehicle flies by itself as a failsafe of PX4, and not because of a command. Returns whether the sticks have just
+    /// ceased to steer: they steer again by another 2016, also where PX4 returns to the mode by itself.
+    pub(super) fn stand_aside(&mut self, now: Duration, failsafe: bool) -> bool {
         match self.stream {
             // Those that have stopped are what it is for.
             Stream::Flying if failsafe && self.fresh(now) => {
                 self.stream = Stream::Aside;
                 true
             }
-            // A pilot or another station has the vehicle.
-            Stream::Aside if !failsafe && !by_hand => {
+            // A pilot or another station has the vehicle, or may have it: POSCTL shows no difference to a return of PX4 by itself.
+            Stream::Aside if !failsafe => {
                 self.release();
                 false
             }
@@ -201,6 +202,19 @@ impl Sticks {
     /// Whether centred ones are sent while a failsafe has the vehicle.
     pub(super) fn are_aside(&self) -> bool {
         self.stream == Stream::Aside
+    }
+
+    /// Mode 2 was not entered: the sticks end, unless a failsafe of PX4 has the vehicle and would be left for want of them. Returns
+    /// whether centred ones follow.
+    pub(super) fn give_up(&mut self, failsafe: bool) -> bool {
+        if self.stream == Stream::Entering && failsafe && self.expected {
+            self.stream = Stream::Aside;
+            return true;
+        }
+        if !self.are_aside() {
+            self.release();
+        }
+        false
     }
 
     /// The mode that ends them is flown.
@@ -542,8 +556,8 @@ mod tests {
                 sticks.take(ms(at), &forward(at + 1, per_cent)).unwrap();
                 sent.extend(x(sticks.advance(ms(at), by_hand, 1)));
             }
-            assert!(sticks.stand_aside(ms(70), true, false) && sticks.are_aside());
-            assert!(!sticks.stand_aside(ms(71), true, false), "once");
+            assert!(sticks.stand_aside(ms(70), true) && sticks.are_aside());
+            assert!(!sticks.stand_aside(ms(71), true), "once");
             let held_from = sent.len();
             for at in (80..1_000).step_by(20) {
                 sticks.take(ms(at), &forward(at + 1, -80)).unwrap();
@@ -562,8 +576,8 @@ mod tests {
                 last == 0 || steps[0] == -i16::from(last).signum(),
                 "{sent:?}"
             );
-            // PX4 is back in the mode: still centred. They end with those that arrive.
-            assert!(!sticks.stand_aside(ms(1_000), false, true) && sticks.are_aside());
+            // They end with those that arrive.
+            assert!(!sticks.stand_aside(ms(1_000), true) && sticks.are_aside());
             assert_eq!(sticks.advance(ms(1_500), held, 1), Due::Stopped);
             assert_eq!(sticks.advance(ms(1_501), held, 1), Due::None);
         }

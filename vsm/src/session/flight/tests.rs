@@ -274,17 +274,31 @@ fn a_mode_that_ends_the_sticks_is_commanded_again_once_they_are_missed_but_not_o
     }
 }
 
+/// How many alerts with this in their first part station 0 was sent.
+fn alerts_of(world: &mut World, what: &str) -> usize {
+    let says_so = |message: &&Message| match message {
+        Message::SubsystemStatusAlert(alert) => {
+            let text = alert.text.as_ref().map(|text| text.as_str());
+            text.is_some_and(|text| text.contains(what))
+        }
+        _ => false,
+    };
+    world.sent_to(0).iter().filter(says_so).count()
+}
+
+/// A 2010 whose acknowledgement is read with the alerts.
+fn send_sticks(world: &mut World, flight: &mut Flight) {
+    let message = sticks().into();
+    let origin = origin(&message);
+    let message = &message;
+    handle(world, flight, Input::Command { origin, message });
+    handle(world, flight, Input::Advance);
+}
+
 /// PX4 would miss the sticks in its failsafe too, and leave that for what their loss is to do.
 #[test]
 fn centred_sticks_come_while_a_failsafe_has_left_the_mode_and_not_while_a_pilot_has() {
     use MavState::{MAV_STATE_ACTIVE as ACTIVE, MAV_STATE_CRITICAL as CRITICAL};
-    let says_so = |message: &&Message| match message {
-        Message::SubsystemStatusAlert(alert) => {
-            let text = alert.text.as_ref().map(|text| text.as_str());
-            text.is_some_and(|text| text.contains("steer no longer"))
-        }
-        _ => false,
-    };
     for (shown, status, continues) in [
         (Px4Mode::LOITER, CRITICAL, true),
         (Px4Mode::RTL, CRITICAL, true),
@@ -300,17 +314,14 @@ fn centred_sticks_come_while_a_failsafe_has_left_the_mode_and_not_while_a_pilot_
         let mut sent = Vec::new();
         for _ in 0..10 {
             world.advance(Duration::from_millis(50));
-            // Acknowledged, and read with the alert.
-            let message = sticks().into();
-            let origin = origin(&message);
-            let message = &message;
-            handle(&mut world, &mut flight, Input::Command { origin, message });
-            handle(&mut world, &mut flight, Input::Advance);
+            send_sticks(&mut world, &mut flight);
             sent.extend(world.posts());
         }
         assert_eq!(sent.len(), if continues { 10 } else { 0 }, "{shown:?}");
-        let named = world.sent_to(0).iter().filter(says_so).count();
-        assert_eq!(named, usize::from(continues));
+        assert_eq!(
+            alerts_of(&mut world, "do not steer"),
+            usize::from(continues)
+        );
         let Some(MavMessage::MANUAL_CONTROL(last)) = sent.last() else {
             continue;
         };
@@ -346,6 +357,86 @@ fn centred_sticks_come_while_a_failsafe_has_left_the_mode_and_not_while_a_pilot_
                 let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
                 assert_eq!(answers, [AckType::CarriedOut]);
             }
+        }
+    }
+}
+
+/// PX4 has seen sticks before it refuses their mode, and would leave its failsafe for want of them.
+#[test]
+fn centred_sticks_follow_a_mode_2_that_is_refused_while_a_failsafe_holds() {
+    let failsafe = |world: &mut World| {
+        world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+        world.show_mode(Px4Mode::LOITER);
+    };
+    for was_flown in [true, false] {
+        let (mut world, mut flight) = if was_flown {
+            by_hand()
+        } else {
+            (World::airborne(Px4Mode::MISSION), Flight::default())
+        };
+        failsafe(&mut world);
+        command(&mut world, &mut flight, sticks());
+        for (attempt, superseded) in [false, true, false].into_iter().enumerate() {
+            command(&mut world, &mut flight, select(Mode::FlightDirector));
+            world.advance(SEEN_WITHIN);
+            command(&mut world, &mut flight, sticks());
+            assert_eq!(world.commanded_modes(), [Px4Mode::POSCTL]);
+            if superseded {
+                // By a mode that is refused, too.
+                command(&mut world, &mut flight, select(Mode::AutolandEngage));
+                answer_mode(&mut world, &mut flight, ACCEPTED);
+                assert_eq!(world.commanded_modes().pop(), Some(Px4Mode::LAND));
+            }
+            world.vehicle.complain(world.now.mono, REASON);
+            for event in world.answer(MavCmd::MAV_CMD_DO_SET_MODE, DENIED) {
+                handle(&mut world, &mut flight, Input::CommandEnded(&event));
+            }
+            handle(&mut world, &mut flight, Input::Advance);
+            let named = alerts_of(&mut world, "do not steer");
+            if attempt == 0 {
+                // Not the same text again within two seconds.
+                assert_eq!(named, usize::from(!was_flown));
+            }
+            world.posts();
+            let mut sent = Vec::new();
+            for _ in 0..5 {
+                world.advance(Duration::from_millis(50));
+                command(&mut world, &mut flight, sticks());
+                sent.extend(world.posts());
+            }
+            assert_eq!(sent.len(), 5, "{was_flown} {attempt}");
+            let Some(MavMessage::MANUAL_CONTROL(last)) = sent.last() else {
+                panic!("sticks, not {sent:?}");
+            };
+            assert_eq!([last.x, last.y, last.z, last.r], [0, 0, 500, 0]);
+        }
+    }
+}
+
+/// PX4 takes one source of sticks at a time, and shows not who has chosen POSCTL.
+#[test]
+fn centred_sticks_end_where_a_pilot_may_have_the_vehicle_and_as_it_is_disarmed() {
+    use MavState::{MAV_STATE_ACTIVE as ACTIVE, MAV_STATE_CRITICAL as CRITICAL};
+    for (shown, status, armed) in [
+        (Px4Mode::POSCTL, ACTIVE, true),
+        (Px4Mode::POSCTL, ACTIVE, false),
+        (Px4Mode::LOITER, CRITICAL, false),
+    ] {
+        let (mut world, mut flight) = by_hand();
+        world.vehicle.telemetry.system_status = Some(CRITICAL);
+        world.show_mode(Px4Mode::LOITER);
+        world.advance(Duration::from_millis(50));
+        command(&mut world, &mut flight, sticks());
+        assert_eq!(world.posts().len(), 1);
+        world.vehicle.telemetry.system_status = Some(status);
+        world.vehicle.telemetry.armed = Some(armed);
+        world.show_mode(shown);
+        for first in [true, false] {
+            world.advance(Duration::from_millis(50));
+            send_sticks(&mut world, &mut flight);
+            assert_eq!(world.posts(), [], "{shown:?} {armed}");
+            let warned = alerts_of(&mut world, "is in POSCTL again");
+            assert_eq!(warned, usize::from(first && armed), "{shown:?}");
         }
     }
 }
