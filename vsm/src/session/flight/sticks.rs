@@ -42,6 +42,8 @@ pub(crate) struct Sticks {
     still: bool,
     /// The vehicle has been sent some in this flight, and takes their end for a loss.
     expected: bool,
+    /// The vehicle has shown a mode since the start of the VSM.
+    mode_noted: bool,
 }
 
 /// What was sent of an axis, and which way it moved last.
@@ -294,6 +296,13 @@ impl Sticks {
         self.note_sent(axes);
         self.expected = true;
         Due::Send(message(axes, system))
+    }
+
+    /// A VSM that was killed leaves a vehicle in POSCTL whose sticks have ended, and which may not miss them yet: what is commanded
+    /// then is met by their loss as if this one had sent them.
+    pub(super) fn note_first_mode(&mut self, mode: Px4Mode) {
+        self.expected |= !self.mode_noted && mode == Px4Mode::POSCTL;
+        self.mode_noted = true;
     }
 
     /// Whether the vehicle takes the end of the stream for a loss of the sticks.

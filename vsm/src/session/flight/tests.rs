@@ -162,7 +162,7 @@ fn a_mode_supersedes_the_demand_before_it_unless_it_has_its_values() {
 
 #[test]
 fn a_later_command_supersedes_the_one_in_progress() {
-    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
+    let (mut world, mut flight) = (World::airborne(Px4Mode::MISSION), Flight::default());
     command(&mut world, &mut flight, select(Mode::Loiter));
     assert_eq!(world.commanded_modes(), [Px4Mode::LOITER]);
     let answers = command(&mut world, &mut flight, select(Mode::AutolandEngage));
@@ -438,6 +438,28 @@ fn centred_sticks_end_where_a_pilot_may_have_the_vehicle_and_as_it_is_disarmed()
             let warned = alerts_of(&mut world, "is in POSCTL again");
             assert_eq!(warned, usize::from(first && armed), "{shown:?}");
         }
+    }
+}
+
+/// The VSM was killed while the vehicle was flown by sticks, which PX4 may not miss yet.
+#[test]
+fn a_mode_that_follows_the_sticks_of_a_process_before_is_commanded_again_once_they_are_missed() {
+    for (found, repeats) in [(Px4Mode::POSCTL, true), (Px4Mode::MISSION, false)] {
+        let (mut world, mut flight) = (World::airborne(found), Flight::default());
+        handle(&mut world, &mut flight, Input::Advance);
+        command(&mut world, &mut flight, select(Mode::Loiter));
+        assert_eq!(world.commanded_modes(), [Px4Mode::LOITER]);
+        assert_eq!(answer_mode(&mut world, &mut flight, ACCEPTED), []);
+        world.show_mode(Px4Mode::LOITER);
+        handle(&mut world, &mut flight, Input::Advance);
+        let answers = acknowledgements(&world.sent_to(0));
+        assert_eq!(answers.is_empty(), repeats, "{answers:?}");
+        world.advance(Duration::from_millis(1_100));
+        world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+        world.show_mode(Px4Mode::LOITER);
+        handle(&mut world, &mut flight, Input::Advance);
+        let again = world.commanded_modes() == [Px4Mode::LOITER];
+        assert_eq!(again, repeats, "{}", found.name());
     }
 }
 
