@@ -193,6 +193,22 @@ mod tests {
     }
 
     #[test]
+    fn what_px4_makes_of_sticks_is_to_be_decided() {
+        let verdict = |name, value| judged(&[(name, value)], name).verdict;
+        for value in [0.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0] {
+            let found = judged(&[("COM_RC_IN_MODE", value)], "COM_RC_IN_MODE");
+            assert_eq!(found.verdict, Verdict::Decide, "{value}");
+            assert!(found.why.contains("(2010)"), "{value}: {}", found.why);
+        }
+        assert_eq!(verdict("COM_RCL_EXCEPT", 0.0), Verdict::Good);
+        assert_eq!(verdict("COM_RCL_EXCEPT", 7.0), Verdict::Decide);
+        for off in [-1.0, 0.0] {
+            assert_eq!(verdict("MAN_KILL_GEST_T", off), Verdict::Good);
+        }
+        assert_eq!(verdict("MAN_KILL_GEST_T", 0.5), Verdict::Decide);
+    }
+
+    #[test]
     fn forwarding_counts_only_on_a_port_that_is_in_use() {
         let of = |config| {
             judged(

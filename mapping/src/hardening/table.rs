@@ -212,9 +212,19 @@ pub const SETTINGS: &[Setting] = &[
         ]),
         rules: &[
             Rule {
-                when: When::Is(&[0, 2, 3, 5, 6, 7, 8]),
+                when: When::Is(&[0]),
                 verdict: Decide,
-                why: "a remote control flies the vehicle, arms it and changes its mode, and no signature stands before it: needed for a safety pilot only",
+                why: "a remote control flies the vehicle, arms it and changes its mode, and no signature stands before it: needed for a safety pilot only; sticks of a ground station (2010) are ignored",
+            },
+            Rule {
+                when: When::Is(&[2, 3, 5, 7]),
+                verdict: Decide,
+                why: "a remote control flies the vehicle, arms it and changes its mode, and no signature stands before it: needed for a safety pilot only; while it is on, PX4 ignores sticks of a ground station (2010) without a word (2 and 3: where it was on first)",
+            },
+            Rule {
+                when: When::Is(&[6, 8]),
+                verdict: Decide,
+                why: "a remote control flies the vehicle, arms it and changes its mode, and no signature stands before it: needed for a safety pilot only, whom sticks of a ground station (2010) keep out while they come",
             },
             Rule {
                 when: When::Is(&[4]),
@@ -312,6 +322,36 @@ pub const SETTINGS: &[Setting] = &[
         better: 2.0,
         needs: None,
         source: "src/modules/commander/failsafe/failsafe.cpp",
+    },
+    Setting {
+        name: "COM_RCL_EXCEPT",
+        meaning: Meaning::Bits(&[
+            "mission",
+            "auto modes",
+            "offboard",
+            "external mode",
+            "altitude cruise",
+        ]),
+        rules: &[Rule {
+            when: When::Not(0),
+            verdict: Decide,
+            why: "in these modes the end of sticks (2010, or a remote control's) has no consequence, and the loss of the link alone (NAV_DLL_ACT) is acted on; 7 spares each mode that follows sticks a hold, and what NAV_RCL_ACT does",
+        }],
+        better: 0.0,
+        needs: None,
+        source: "src/modules/commander/failsafe/failsafe.cpp",
+    },
+    Setting {
+        name: "MAN_KILL_GEST_T",
+        meaning: Meaning::Number("s"),
+        rules: &[Rule {
+            when: When::Above(0.0),
+            verdict: Decide,
+            why: "both sticks in their lower outer corners stop the motors in flight: those of a remote control, and of whoever else sends MANUAL_CONTROL on a link; sticks of a ground station (2010) are kept out of that corner",
+        }],
+        better: -1.0,
+        needs: None,
+        source: "src/modules/manual_control/ManualControl.cpp",
     },
     Setting {
         name: "COM_RC_LOSS_T",
