@@ -84,6 +84,20 @@ impl Parameters {
         }
     }
 
+    /// Why PX4 ignores the sticks of a ground station that begin while others reach it, those of a remote control or of another station
+    /// (ManualControlSelector::isInputValid), where it is known to do so.
+    #[must_use]
+    pub fn prefers_other_sticks(&self) -> Option<&'static str> {
+        match self.get("COM_RC_IN_MODE")? as i64 {
+            1 => Some("COM_RC_IN_MODE is 1 (of ground stations, the one that was first)"),
+            2 => Some("COM_RC_IN_MODE is 2 (what was first, until it ends)"),
+            3 => Some("COM_RC_IN_MODE is 3 (what was first since its start)"),
+            5 => Some("COM_RC_IN_MODE is 5 (a remote control before ground stations)"),
+            7 => Some("COM_RC_IN_MODE is 7 (a remote control before ground stations)"),
+            _ => None,
+        }
+    }
+
     /// Why PX4 would bring the vehicle down once the sticks of a ground station end, whatever mode is flown then, where it is
     /// known to do so: sticks that have come once in a flight are lost in every mode that COM_RCL_EXCEPT does not name
     /// (Failsafe::checkStateAndMode).
@@ -387,6 +401,19 @@ mod tests {
             parameters.ignores_sticks().is_some()
         });
         assert_eq!(ignored.collect::<Vec<_>>(), [0, 4]);
+    }
+
+    #[test]
+    fn other_sticks_go_first_unless_those_of_a_ground_station_have_priority() {
+        let mut parameters = Parameters::default();
+        assert_eq!(parameters.prefers_other_sticks(), None, "not known");
+        for value in 0..=8 {
+            parameters.set("COM_RC_IN_MODE", f64::from(value));
+            let why = parameters.prefers_other_sticks();
+            assert_eq!(why.is_some(), [1, 2, 3, 5, 7].contains(&value), "{value}");
+            let named = format!("COM_RC_IN_MODE is {value} (");
+            assert!(why.is_none_or(|why| why.starts_with(&named)), "{why:?}");
+        }
     }
 
     #[test]

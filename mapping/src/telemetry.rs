@@ -399,6 +399,8 @@ pub struct Battery {
     pub kelvin: Option<f64>,
 }
 
+/// MAV_SYS_STATUS_SENSOR_RC_RECEIVER.
+const RC_RECEIVER: u32 = 0x1_0000;
 /// MAV_SYS_STATUS_SENSOR_BATTERY.
 pub(crate) const BATTERY: u32 = 0x200_0000;
 
@@ -416,6 +418,13 @@ impl Health {
     #[must_use]
     pub fn fails(self, sensors: u32) -> bool {
         self.enabled & !self.healthy & sensors != 0
+    }
+
+    /// Whether sticks reach the vehicle, of a remote control or a ground station (rcAndDataLinkCheck). PX4 reports the sensor as enabled
+    /// where it misses them, too.
+    #[must_use]
+    pub fn has_sticks(self) -> bool {
+        self.enabled & self.healthy & RC_RECEIVER != 0
     }
 }
 

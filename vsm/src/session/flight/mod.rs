@@ -38,7 +38,7 @@ use mapping::altitude::{Agl, Altimeter};
 use mapping::configuration::changes;
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
-use mapping::telemetry::Telemetry;
+use mapping::telemetry::{Health, Telemetry};
 use mavlink_link::dialect::MavMessage;
 use mavlink_link::service::command;
 use mavlink_link::service::mission;
@@ -751,6 +751,18 @@ impl Flight {
         // A remote control may be on: the vehicle would enter the mode, and not be flown by this CUCS.
         if let Some(why) = parameters.ignores_sticks() {
             let why = format!("mode 2 (manual): the vehicle ignores sticks (2010): its {why}");
+            return effects.refuse(origin, why);
+        }
+        // A safety pilot's, for example: nothing would show that these move nothing.
+        let health = context.vehicle.telemetry.sensed.health;
+        if let Some(why) = parameters.prefers_other_sticks()
+            && health.is_some_and(Health::has_sticks)
+            && !self.sticks.were_shown(now)
+        {
+            let why = format!(
+                "mode 2 (manual): the vehicle has sticks of a remote control or another station, and would ignore these (2010): its {why}; \
+                 end the others first"
+            );
             return effects.refuse(origin, why);
         }
         // The next mode would be the end of the flight.

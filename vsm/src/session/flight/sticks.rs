@@ -3,8 +3,9 @@
 //! are at least 15 ms apart: the newest stick waits for that.
 //!
 //! The stream starts with mode 2 (2016) and not before: PX4 breaks off a mission when sticks move. Mode 2 is refused without
-//! sticks, and where the vehicle ignores them (COM_RC_IN_MODE). When they stop, the stream stops too, [`FRESH`] later: PX4 then detects the loss and acts as configured
-//! (COM_RC_LOSS_T, NAV_RCL_ACT). The stream ends with the mode; continuing needs another 2016.
+//! sticks, and where the vehicle ignores them (COM_RC_IN_MODE), also for others that it has. When they stop, the stream stops too,
+//! [`FRESH`] later: PX4 then detects the loss and acts as configured (COM_RC_LOSS_T, NAV_RCL_ACT). The stream ends with the mode;
+//! continuing needs another 2016.
 //!
 //! It ends as soon as another mode is commanded, before the vehicle shows that: sticks that are let go at that moment would take it
 //! back (MAN_OVERRIDE_SPD), and so would those that were sent before ([`Sticks::stand_still`]). PX4 then misses them in whatever mode
@@ -148,6 +149,11 @@ impl Sticks {
             Stream::Entering | Stream::Flying => true,
             Stream::Lost(since) => now.saturating_sub(since) < LEFT_WITHIN,
         }
+    }
+
+    /// Whether those that the vehicle reports to have may be these.
+    pub(super) fn were_shown(&self, now: Duration) -> bool {
+        !self.sent.is_zero() && now.saturating_sub(self.sent) < SHOWN_WITHIN
     }
 
     /// `slow`: on a serial line, of which 66 a second would be most, packed and encrypted.
@@ -378,6 +384,8 @@ const FRESH: Duration = Duration::from_millis(300);
 pub(super) const SEEN_WITHIN: Duration = Duration::from_millis(500);
 /// By then PX4 has left POSCTL for its failsafe for lost sticks (COM_RC_LOSS_T, default 0.5 s) and has reported it.
 const LEFT_WITHIN: Duration = Duration::from_secs(3);
+/// SYS_STATUS comes once a second, and may be lost a few times.
+const SHOWN_WITHIN: Duration = Duration::from_secs(5);
 /// Period of MANUAL_CONTROL without new sticks.
 const PERIOD: Duration = Duration::from_millis(40);
 /// Minimum time between two messages. Less than the 20 ms of a CUCS that sends 50 a second, so that a slightly early stick

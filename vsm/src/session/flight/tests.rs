@@ -2,7 +2,7 @@
 
 use mapping::plan::Plan;
 use mapping::route::CompiledMission;
-use mapping::telemetry::{LandedState, MissionProgress, Place};
+use mapping::telemetry::{Health, LandedState, MissionProgress, Place};
 use mavlink_link::dialect::{MavCmd, MavResult, MavState, MavType, MissionState};
 use mavlink_link::service::mission::Item;
 use stanag_msgs::enums::HeadingCommandType;
@@ -500,6 +500,43 @@ fn manual_flight_is_refused_where_the_vehicle_ignores_sticks() {
         let streams = !world.posts().is_empty();
         assert_eq!(streams, expected == TAKEN, "{source}");
     }
+}
+
+/// A safety pilot's remote control is on.
+#[test]
+fn manual_flight_is_refused_where_the_vehicle_has_other_sticks_that_go_first() {
+    const REMOTE_CONTROL: u32 = 0x1_0000;
+    let health = |healthy| {
+        Some(Health {
+            enabled: REMOTE_CONTROL,
+            healthy,
+        })
+    };
+    for (source, health, refused) in [
+        (Some(5.0), health(REMOTE_CONTROL), true),
+        (Some(2.0), health(REMOTE_CONTROL), true),
+        (Some(6.0), health(REMOTE_CONTROL), false),
+        (None, health(REMOTE_CONTROL), false),
+        // It misses one.
+        (Some(5.0), health(0), false),
+        (Some(5.0), None, false),
+    ] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+        if let Some(source) = source {
+            world.parameters.set("COM_RC_IN_MODE", source);
+        }
+        world.vehicle.telemetry.sensed.health = health;
+        command(&mut world, &mut flight, sticks());
+        let answers = command(&mut world, &mut flight, select(Mode::FlightDirector));
+        assert_eq!(answers.contains(&AckType::Refused), refused, "{source:?}");
+        assert_eq!(world.posts().is_empty(), refused, "{source:?}");
+    }
+    // Those that it has are these.
+    let (mut world, mut flight) = by_hand();
+    world.parameters.set("COM_RC_IN_MODE", 2.0);
+    world.vehicle.telemetry.sensed.health = health(REMOTE_CONTROL);
+    let answers = command(&mut world, &mut flight, select(Mode::FlightDirector));
+    assert!(!answers.contains(&AckType::Refused), "{answers:?}");
 }
 
 #[test]
