@@ -283,6 +283,7 @@ impl Areas {
         let number = vertex.vertex_number;
         let fault = |reason| AreaError {
             area: id,
+            configured: None,
             vertex: number,
             reason,
         };
@@ -396,6 +397,7 @@ fn radius(radius: Option<f32>) -> Result<f64, Reason> {
 fn whole(area: u16, vertices: &BTreeMap<u8, AreaVertex>) -> Result<Area, AreaError> {
     let fault = |vertex, reason| AreaError {
         area,
+        configured: None,
         vertex: Some(vertex),
         reason,
     };
@@ -458,14 +460,16 @@ pub fn fence(
     sent: &[(u16, Area)],
     holder: &Holder,
 ) -> Result<Vec<FencePoint>, AreaError> {
-    let all = configured.iter().map(|area| (0, area));
-    let all: Vec<(u16, &Area)> = all
-        .chain(sent.iter().map(|(id, area)| (*id, area)))
+    let all = (1..).zip(configured);
+    let all = all.map(|(number, area)| (0, Some(number), area));
+    let all: Vec<(u16, Option<usize>, &Area)> = all
+        .chain(sent.iter().map(|(id, area)| (*id, None, area)))
         .collect();
     let mut items: Vec<FencePoint> = Vec::new();
-    for (id, area) in &all {
+    for (id, number, area) in &all {
         let fault = |vertex, reason| AreaError {
             area: *id,
+            configured: *number,
             vertex,
             reason,
         };
@@ -532,12 +536,14 @@ const POLYGON_INCLUSION: u16 = 5001;
 /// MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION; the exclusion is the next number.
 const CIRCLE_INCLUSION: u16 = 5003;
 
-/// Areas that make no fence, or a message that makes no area. Area 0 is one of the configuration.
+/// Areas that make no fence, or a message that makes no area.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("area {area}{}: {reason}", of(.vertex))]
+#[error("{}{reason}", place(.area, .configured, .vertex))]
 pub struct AreaError {
-    /// Area ID.
+    /// Area ID; 0 of one of the configuration, and where it is about none.
     pub area: u16,
+    /// Which of the configuration it is, from 1.
+    pub configured: Option<usize>,
     /// Vertex Number, where it is about one.
     pub vertex: Option<u8>,
     /// Why.
@@ -593,8 +599,19 @@ pub enum Reason {
     None,
 }
 
-fn of(vertex: &Option<u8>) -> String {
-    vertex.map_or_else(String::new, |number| format!(" vertex {number}"))
+/// `area 7 vertex 3: `, as far as it is about one.
+fn place(area: &u16, configured: &Option<usize>, vertex: &Option<u8>) -> String {
+    let area = match (configured, area) {
+        (Some(number), _) => Some(format!("area {number} of the configuration")),
+        (None, 0) => None,
+        (None, id) => Some(format!("area {id}")),
+    };
+    let vertex = vertex.map(|number| format!("vertex {number}"));
+    let parts: Vec<String> = area.into_iter().chain(vertex).collect();
+    if parts.is_empty() {
+        return String::new();
+    }
+    format!("{}: ", parts.join(" "))
 }
 
 #[cfg(test)]
@@ -870,6 +887,9 @@ mod tests {
             fault.to_string(),
             "area 7 vertex 3: it has not been received"
         );
+        let unnumbered = vertex(0, AreaType::KeepInPolygon, 4, 2, CORNERS[1]);
+        let fault = areas.store(&unnumbered).unwrap_err().to_string();
+        assert_eq!(fault, "vertex 2: Area ID above 0 is missing");
         // Another definition takes the place of the first.
         for number in [3, 1, 2] {
             let at = CORNERS[usize::from(number) - 1];
@@ -898,6 +918,10 @@ mod tests {
         assert_eq!(of(&stays_in, outside), breached("the vehicle", "outside"));
         assert_eq!(of(&stays_out, inside), breached("the vehicle", "inside"));
         assert_eq!(of(&stays_out, outside), Ok(()));
+        let configured: Vec<Area> = stays_in.iter().map(|(_, area)| area.clone()).collect();
+        let fault = fence(&configured, &[], &outside).unwrap_err().to_string();
+        let expected = "area 1 of the configuration: the vehicle is currently outside it";
+        assert!(fault.starts_with(expected), "{fault}");
         // PX4 leaves out what home breaches, and bounds the vehicle by the rest.
         let home = |holder: Holder, home: Holder| Holder {
             home: home.position,

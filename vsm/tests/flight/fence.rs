@@ -410,12 +410,12 @@ fn a_launch_is_refused_while_the_fence_of_the_file_cannot_go_aboard() {
         vehicle_keys: "[[vehicle.area]]\nkeep = \"in\"\ncentre = [47.5, 8.5455939]\nradius_m = 900.0\n",
         ..Setup::default()
     });
-    let why = "the fence is not uploaded: area 0";
+    let why = "the fence is not uploaded: area 1 of the";
     assert!(rig.until(30.0, |rig| rig.station().has_alert(why)));
     let launch = || orders::launch(20.0);
     assert_eq!(rig.carry_out(launch()), Some(AckType::Refused));
     rig.run(0.5);
-    let why = "mode 21 (launch): the vehicle is not known to hold its fence: area 0";
+    let why = "mode 21 (launch): the vehicle is not known to hold its fence: area 1 of the";
     assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
     let about_home = rig.text.replacen("[47.5, ", "[47.3977434, ", 1);
     rig.reload(&about_home).expect("applied");

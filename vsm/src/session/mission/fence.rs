@@ -240,6 +240,7 @@ impl Fence {
         };
         let none = AreaError {
             area: 0,
+            configured: None,
             vertex: None,
             reason: area::Reason::None,
         };
@@ -400,7 +401,10 @@ impl Fence {
                 }
                 match self.points(&areas, &self.holder(context.vehicle)) {
                     Ok(points) => self.begin(context, None, areas, points, free, effects),
-                    Err(fault) => self.end(context, None, None, fault.to_string(), effects),
+                    Err(fault) => {
+                        let why = format!("{fault}; {}", cure(&fault));
+                        self.end(context, None, None, why, effects);
+                    }
                 }
             }
             Seen::Other => {
@@ -633,6 +637,16 @@ impl Fence {
         self.kept.wanted |= record.wanted;
         self.stored_wanted = record.wanted;
         Ok(())
+    }
+}
+
+/// What an operator can do about areas that were not sent just now, and with which nothing is launched.
+fn cure(fault: &AreaError) -> &'static str {
+    match fault.configured {
+        Some(_) => "it is one of vehicle.area in the configuration of this VSM",
+        None => {
+            "areas that a CUCS has loaded are kept over a restart of the VSM: clear them (50017, Area Plan Mode 1), or load others"
+        }
     }
 }
 

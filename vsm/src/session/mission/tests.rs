@@ -1400,6 +1400,53 @@ fn areas_whose_upload_fails_are_cleared_where_the_vehicle_may_hold_some() {
     }
 }
 
+/// At another field, with a vehicle that holds them no longer.
+#[test]
+fn areas_that_the_vehicle_breaches_after_a_restart_are_named_with_what_clears_them() {
+    let (mut world, mut mission) = (World::new(), Mission::new(Vec::new(), Vec::new()));
+    load_areas(&mut world, &mut mission);
+    let id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    world.vehicle.telemetry.mission = named(0, id);
+    handle(&mut world, &mut mission, Input::WatchFence);
+    assert!(answers(&mut world).contains(&AckType::CarriedOut));
+    let elsewhere = Some(Place {
+        latitude: 48.0,
+        longitude: 8.0,
+        amsl_m: 400.0,
+    });
+    world.vehicle.telemetry.home = elsewhere;
+    world.vehicle.telemetry.position = elsewhere;
+    world.vehicle.telemetry.mission = named(0, 0);
+    let unfenced = |world: &World, mission: &Mission| {
+        let view = mission.view(&world.vehicle, &world.services);
+        view.unfenced.map(str::to_owned)
+    };
+    let mut of_the_file = Mission::new(vec![circle()], Vec::new());
+    assert_eq!(looked(&mut world, &mut of_the_file), None);
+    let why = unfenced(&world, &of_the_file).expect("a reason");
+    assert!(why.starts_with("area 1 of the configuration: "), "{why}");
+    assert!(why.contains("vehicle.area"), "{why}");
+
+    let mut after = restarted(&mut world);
+    assert_eq!(looked(&mut world, &mut after), None, "PX4 leaves it out");
+    let why = unfenced(&world, &after).expect("a reason");
+    assert!(
+        why.starts_with("area 1: the vehicle is currently outside it"),
+        "{why}"
+    );
+    assert!(why.contains("clear them (50017"), "{why}");
+    let (_, texts) = reports(&mut world);
+    assert!(texts.contains("not uploaded: area 1: "), "{texts}");
+    let clear = AreaTransferCommand {
+        area_plan_mode: Some(AreaPlanMode::Clear),
+        ..AreaTransferCommand::default()
+    };
+    command(&mut world, &mut after, clear);
+    let cleared = Event::Cleared { kind: FENCE };
+    ended(&mut world, &mut after, Operation::Clear, cleared);
+    assert_eq!(unfenced(&world, &after), None);
+}
+
 #[test]
 fn rally_points_that_nobody_configured_are_left_alone_with_an_alert() {
     let mut world = World::new();
