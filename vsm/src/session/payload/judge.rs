@@ -5,10 +5,10 @@
 
 use mapping::altitude::Datum;
 use mapping::payload::Direction;
-use mapping::payload::pointing::direction;
+use mapping::payload::pointing::{direction, sight_to};
 use mapping::payload::report::{END_RECORDING, Ground, PHOTOGRAPH, RECORDING, Station};
 use mapping::payload::state::{Camera, CameraInformation};
-use mapping::telemetry::{Place, Telemetry};
+use mapping::telemetry::{Attitude, Place, Telemetry};
 use mavlink_link::dialect::{CameraCapFlags, CameraMode, GimbalManagerCapFlags, StorageStatus};
 use stanag_msgs::enums::{
     EoirPointingMode as Pointing, EoirSystemMode as System, FocusType, ImageOutput,
@@ -64,7 +64,13 @@ pub(super) fn steering(
                 })
             })
         }
-        Pointing::LatLongSlaved => stare(command, at)?.map(Step::StareAt),
+        Pointing::LatLongSlaved => {
+            let place = stare(command, at)?;
+            if let Some(place) = place {
+                within_reach(place, at)?;
+            }
+            place.map(Step::StareAt)
+        }
         _ => None,
     };
     if let Some(step) = pointing {
@@ -147,6 +153,32 @@ fn stare(command: &PayloadSteeringCommand, at: &Situation<'_>) -> Result<Option<
         longitude,
         amsl_m,
     }))
+}
+
+/// Refuses a place that the gimbal cannot look at from here: else the command would end only after the time of a slow drive. Its range
+/// may be that of its drives or, stabilised, from the horizon: the place is beyond both.
+fn within_reach(place: Place, at: &Situation<'_>) -> Result<(), String> {
+    let regard = at.station.gimbal.and_then(|gimbal| gimbal.regard);
+    let (Some(regard), Some(from), Some(attitude)) =
+        (regard, at.telemetry.position, at.telemetry.attitude)
+    else {
+        return Ok(());
+    };
+    let sight = sight_to(from, place);
+    let reaches = |attitude: &Attitude| {
+        let mut to = direction(sight, attitude);
+        // Straight down every azimuth is the same.
+        if to.elevation.abs() > STEEP {
+            to.azimuth = 0.0;
+        }
+        regard.reaches(to, ["azimuth of the place", "elevation of the place"])
+    };
+    let level = Attitude {
+        roll: 0.0,
+        pitch: 0.0,
+        ..attitude
+    };
+    reaches(&level).or_else(|why| reaches(&attitude).map_err(|_| why))
 }
 
 fn zoom(command: &PayloadSteeringCommand, at: &Situation<'_>) -> Result<Option<Zoom>, String> {
@@ -522,4 +554,6 @@ fn camera<'a>(
 
 const NO_PLACE: &str = "pointing mode 4: the centre of the view meets no ground that is known; the gimbal keeps its direction until 19001 \
                         names a place";
+/// 87 degrees.
+const STEEP: f64 = 1.518;
 const MIN_ROOM_MIB: f64 = 16.0;

@@ -557,6 +557,41 @@ fn a_place_is_looked_at_without_a_command_that_turns_the_vehicle() {
     assert_eq!(attitudes(&mut scene), [], "nobody holds it");
 }
 
+/// Not after the 20 s in which a slow drive could have turned there.
+#[test]
+fn a_place_that_the_gimbal_cannot_reach_is_refused_at_once() {
+    let mut scene = Scene::new();
+    scene.report(1, manager([245, 190]));
+    scene.accept(1);
+    scene.mode(EoirPointingMode::LatLongSlaved);
+    let MavMessage::GIMBAL_MANAGER_INFORMATION(information) = information() else {
+        unreachable!("its own message")
+    };
+    let short = GIMBAL_MANAGER_INFORMATION_DATA {
+        pitch_min: -0.6,
+        ..information
+    };
+    scene.report(1, MavMessage::GIMBAL_MANAGER_INFORMATION(short));
+    // 100 m below.
+    let stare = |north_m: f64| PayloadSteeringCommand {
+        latitude: Some(Bam32::from_degrees(47.4 + north_m / 111_195.0)),
+        longitude: Some(Bam32::from_degrees(8.5)),
+        altitude: Some(Scaled::saturating_from_si(0.0)),
+        altitude_type: Some(stanag_msgs::enums::AltitudeType::Agl),
+        ..steer(0.0)
+    };
+    let why = scene.refusal(stare(100.0));
+    assert!(why.contains("elevation of the place"), "{why}");
+    let why = scene.refusal(stare(-300.0));
+    assert!(why.contains("azimuth of the place"), "{why}");
+    assert_eq!(scene.command(stare(200.0)), [AckType::Received]);
+    // With the nose down its drives reach there.
+    let attitude = scene.world.vehicle.telemetry.attitude.as_mut();
+    attitude.expect("one").pitch = -0.3;
+    let answers = scene.command(stare(100.0));
+    assert!(answers.contains(&AckType::Received), "{answers:?}");
+}
+
 /// PX4 leaves a gimbal level that nobody has turned yet.
 #[test]
 fn a_gimbal_that_looks_at_no_ground_keeps_its_direction_until_a_place_is_named() {
