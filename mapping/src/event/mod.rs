@@ -34,6 +34,19 @@ pub struct Described {
     pub text: String,
 }
 
+/// An event that means something else than the vehicle's own text of it, whatever metadata there is.
+#[must_use]
+pub fn reworded(event: &Received) -> Option<Described> {
+    (event.id == TAKEN_OVER).then(|| Described {
+        group: Group::Default,
+        text: "the vehicle has ended its failsafe for a mode that was commanded, or for a pilot's sticks".to_owned(),
+    })
+}
+
+/// "Pilot took over using sticks" of PX4's failsafe, which it sends for each mode that is commanded in it, too
+/// (FailsafeBase::getSelectedAction). That of its commander (`commander_rc_override`) is about sticks alone.
+const TAKEN_OVER: u32 = id_of("failsafe_rc_override");
+
 /// The priority of an event's external level; `None`: no operator is shown it (debug, and what is for programs).
 #[must_use]
 pub fn priority(level: u8) -> Option<AlertPriority> {
@@ -135,6 +148,19 @@ mod tests {
         // From all_events.json of PX4 v1.18.
         assert_eq!(id_of("commander_load_param_failed"), 1 << 24 | 10_044_444);
         assert_eq!(id_of("check_modes_global_pos"), 1 << 24 | 10_011_251);
+    }
+
+    #[test]
+    fn a_failsafe_that_a_commanded_mode_ends_is_not_a_pilots() {
+        let event = |name| Received {
+            id: id_of(name),
+            sequence: 1,
+            level: 6,
+            arguments: [0; 40],
+        };
+        let known = reworded(&event("failsafe_rc_override")).expect("its text");
+        assert!(known.text.contains("a mode that was commanded, or"));
+        assert_eq!(reworded(&event("commander_rc_override")), None);
     }
 
     #[test]

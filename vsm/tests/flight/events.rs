@@ -128,6 +128,13 @@ fn without_metadata_the_text_stands_for_its_event_and_others_are_alerted_by_numb
         assert_eq!(count(&seen, text), 1, "{seen:#?}");
     }
     assert_eq!(count(&seen, "vehicle event"), 0, "{seen:#?}");
+    // PX4's own text of this one names a pilot, whoever it was.
+    let mark = rig.station().received.len();
+    report(&mut rig, "failsafe_rc_override", 6, &[]);
+    rig.run(5.0);
+    let seen = alerts(&rig, mark);
+    let text = "ended its failsafe for a mode that was commanded, or for a pilot's sticks";
+    assert_eq!(count(&seen, text), 1, "{seen:#?}");
     let mark = rig.station().received.len();
     report(&mut rig, "x", 2, &[1, 2]);
     rig.run(5.0);

@@ -5,7 +5,7 @@
 //! - with the vehicle's event definitions an event is alerted with its own text and level; of an event and a text with the
 //!   same priority and meaning, the later one is dropped;
 //! - without definitions a text replaces the event with the same priority that arrives with it. An event without a text is
-//!   alerted by its numbers;
+//!   alerted by its numbers, 3 s later, unless its definition has been read by then;
 //! - errors and anything more urgent are never dropped: better twice than not at all;
 //! - reports of health and arming checks, which PX4 repeats completely whenever one of them changes, are one alert, active
 //!   while a check prevents a disarmed vehicle from arming. In flight only new faults are alerted.
@@ -13,7 +13,7 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
-use mapping::event::{self, CHECKS_BEGIN, CHECKS_END, Catalogue, Group};
+use mapping::event::{self, CHECKS_BEGIN, CHECKS_END, Catalogue, Described, Group};
 use mavlink_link::service::event::{Event, Received};
 use mavlink_link::service::text::Text;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
@@ -115,7 +115,16 @@ impl EventAlerts {
         while self.unnamed.front().is_some_and(|(due, _)| *due <= now)
             && let Some((_, event)) = self.unnamed.pop_front()
         {
-            Self::alert_plain(&event, effects);
+            // Its definition may have been read meanwhile, as just after a start.
+            match self.described(&event) {
+                Some(known) if known.group == Group::Default => {
+                    let priority = event::priority(event.level);
+                    let priority = priority.unwrap_or(AlertPriority::Nominal);
+                    effects.notify(priority, AUTOPILOT_SUBSYSTEM, known.text);
+                }
+                Some(_) => {}
+                None => Self::alert_plain(&event, effects),
+            }
         }
         // The end of the report was lost: later events do not belong to it.
         self.report.take_if(|(until, _)| *until <= now);
@@ -147,7 +156,7 @@ impl EventAlerts {
         let Some(priority) = event::priority(event.level) else {
             return;
         };
-        let known = self.catalogue.as_ref().and_then(|all| all.describe(event));
+        let known = self.described(event);
         match (known, &mut self.report) {
             (Some(known), _) if known.group == Group::Other => {}
             // The beginning of its report was lost; the next report is complete.
@@ -187,6 +196,11 @@ impl EventAlerts {
                 }
             }
         }
+    }
+
+    fn described(&self, event: &Received) -> Option<Described> {
+        let defined = || self.catalogue.as_ref()?.describe(event);
+        event::reworded(event).or_else(defined)
     }
 
     /// A complete report of health and arming checks.
@@ -291,3 +305,40 @@ const COMMANDED_MODES: u32 = 1 << 3 | 1 << 4 | 1 << 5 | 1 << 17 | 1 << 18;
 const MAX_CHECKS: usize = 64;
 const NAMED_CHECKS: usize = 3;
 const CHECKS_OVER: &str = "the vehicle's checks before arming no longer fail";
+
+#[cfg(test)]
+mod tests {
+    use stanag_msgs::Message;
+
+    use super::*;
+    use crate::session::testing::World;
+
+    /// As after a start of the VSM.
+    #[test]
+    fn an_event_that_came_before_its_definition_is_alerted_with_its_text_if_that_is_read_in_time() {
+        const FILE: &[u8] = br#"{"components": {"1": {"event_groups": {"default": {"events": {
+            "42": {"message": "Low battery"}}}}}}}"#;
+        for (is_read, expected) in [(true, "Low battery"), (false, "vehicle event 42 of")] {
+            let (mut world, mut alerts) = (World::new(), EventAlerts::default());
+            let event = Event::Received(Received {
+                id: 1 << 24 | 42,
+                sequence: 1,
+                level: 4,
+                arguments: [0; 40],
+            });
+            world.act(|context, _, effects| alerts.event(&context, &event, effects));
+            if is_read {
+                alerts.define(Catalogue::read(FILE).expect("a file"));
+            }
+            world.advance(TWIN_WITHIN);
+            world.act(|context, _, effects| alerts.watch(&context, effects));
+            let sent = world.sent_to(0);
+            let text = sent.iter().find_map(|message| match message {
+                Message::SubsystemStatusAlert(alert) => alert.text.as_ref(),
+                _ => None,
+            });
+            let text = text.map_or("", |text| text.as_str());
+            assert!(text.starts_with(expected), "{text}");
+        }
+    }
+}
