@@ -856,7 +856,7 @@ impl Flight {
     fn stream_sticks(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
         let (now, mode) = (context.mono(), context.vehicle.telemetry.mode);
         if let Some(mode) = context.vehicle.settled_mode() {
-            self.sticks.note_first_mode(mode);
+            self.sticks.note_first_mode(now, mode);
         }
         if context.vehicle.telemetry.armed == Some(false) {
             let within = lost_within(context.parameters.values);

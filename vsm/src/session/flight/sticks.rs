@@ -306,8 +306,10 @@ impl Sticks {
 
     /// A VSM that was killed leaves a vehicle in POSCTL whose sticks have ended, and which may not miss them yet: what is commanded
     /// then is met by their loss as if this one had sent them.
-    pub(super) fn note_first_mode(&mut self, mode: Px4Mode) {
-        self.expected |= !self.mode_noted && mode == Px4Mode::POSCTL;
+    pub(super) fn note_first_mode(&mut self, now: Duration, mode: Px4Mode) {
+        if !self.mode_noted && mode == Px4Mode::POSCTL {
+            (self.expected, self.sent) = (true, now);
+        }
         self.mode_noted = true;
     }
 

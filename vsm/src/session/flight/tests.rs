@@ -537,6 +537,12 @@ fn manual_flight_is_refused_where_the_vehicle_has_other_sticks_that_go_first() {
     world.vehicle.telemetry.sensed.health = health(REMOTE_CONTROL);
     let answers = command(&mut world, &mut flight, select(Mode::FlightDirector));
     assert!(!answers.contains(&AckType::Refused), "{answers:?}");
+    // Or of a VSM that was killed: the vehicle is still in the mode.
+    let mut restarted = Flight::default();
+    handle(&mut world, &mut restarted, Input::Advance);
+    command(&mut world, &mut restarted, sticks());
+    let answers = command(&mut world, &mut restarted, select(Mode::FlightDirector));
+    assert!(!answers.contains(&AckType::Refused), "{answers:?}");
 }
 
 #[test]
