@@ -13,6 +13,7 @@
 //! removes: the bridge uploads both. PX4's own limits (GF_MAX_HOR_DIST, GF_MAX_VER_DIST) are parameters, and stay.
 
 use mavlink_link::frame::FrameView;
+use mavlink_link::receiver::AUTOPILOT;
 
 /// What passes; see `[relay]` of `airside.toml` and `forward.commands` of `vsm.toml`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -64,6 +65,8 @@ pub(crate) enum Denied {
     Zeroizing,
     /// It writes a parameter that is protected.
     Parameter([u8; 16]),
+    /// It writes a parameter of a component that is not PX4.
+    Elsewhere,
 }
 
 impl Denied {
@@ -75,6 +78,7 @@ impl Denied {
             Denied::ForcedDisarm => "forced arming or disarming",
             Denied::Zeroizing => "a zeroize is ordered",
             Denied::Parameter(_) => "parameter protected (relay.protected_parameters)",
+            Denied::Elsewhere => "parameter of another component than PX4",
         }
     }
 }
@@ -112,7 +116,11 @@ impl RelayPolicy {
                 for (to, at) in name.iter_mut().zip(6..) {
                     *to = byte(payload, at);
                 }
-                if self.protects(&name) {
+                // PX4 passes what is for another component on: to a camera, or to the node of that number on CAN, such as an ESC
+                // (`mavlink_parameters.cpp`). Their parameters have names that nobody here knows.
+                if ![EVERY_COMPONENT, AUTOPILOT].contains(&byte(payload, 5)) {
+                    Err(Denied::Elsewhere)
+                } else if self.protects(&name) {
                     Err(Denied::Parameter(name))
                 } else {
                     Ok(())
@@ -237,6 +245,8 @@ const PARAM_SET: u32 = 23;
 const MISSION_ITEM: u32 = 39;
 const MISSION_ITEM_INT: u32 = 73;
 const MANUAL_CONTROL: u32 = 69;
+/// MAV_COMP_ID_ALL: PX4 takes it as its own, and no node on CAN has the number.
+const EVERY_COMPONENT: u8 = 0;
 const MISSION_START: u16 = 300;
 const ARM_DISARM: u16 = 400;
 

@@ -84,7 +84,10 @@ impl Relay {
                         Denied::Command(command) | Denied::InFlight(command) => {
                             self.denied_commands.count(command.into());
                         }
-                        Denied::ForcedDisarm | Denied::Parameter(_) | Denied::Zeroizing => {}
+                        Denied::ForcedDisarm
+                        | Denied::Parameter(_)
+                        | Denied::Elsewhere
+                        | Denied::Zeroizing => {}
                     }
                     denied.name()
                 }

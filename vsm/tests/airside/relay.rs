@@ -373,6 +373,28 @@ fn a_captured_ground_station_reaches_no_shell_no_files_and_no_failsafe() {
     }
 }
 
+/// PX4 passes a write for another component on: to the node of that number on CAN, such as an ESC, or to a camera.
+#[test]
+fn a_captured_ground_station_writes_no_parameter_of_another_component() {
+    let mut world = World::live();
+    let mut write_to = |component: u8| {
+        let mut payload = [0; 23];
+        payload[4..6].copy_from_slice(&[1, component]);
+        payload[6..15].copy_from_slice(b"MOT_POLES");
+        let bytes = signed(&mut world, 23, &payload);
+        (
+            world.passes(GROUND, &bytes),
+            world.held_back("parameter of another component than PX4"),
+        )
+    };
+    for (before, component) in (0..).zip([2, 11, 100, 126, 127, 154, 255]) {
+        assert_eq!(write_to(component), (false, before + 1), "{component}");
+    }
+    for component in [0, 1] {
+        assert_eq!(write_to(component), (true, 7), "{component}");
+    }
+}
+
 /// An item of a mission, in place of a command. PX4 v1.18 carries it out as one when the mission reaches it.
 fn item(world: &mut World, id: u32, command: u16, param2: f32) -> Vec<u8> {
     let mut payload = [0; 38];
