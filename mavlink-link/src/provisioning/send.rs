@@ -10,7 +10,7 @@ use crate::dialect::MavMessage;
 use crate::frame::{Header, INCOMPAT_SIGNED, MAX_FRAME, SETUP_SIGNING_ID, encode, encode_raw};
 use crate::link::challenge::{ANSWER_EVERY, CHALLENGE_EVERY};
 use crate::link::receiver::{AUTOPILOT, KeyState};
-use crate::signing::clock::{ClockError, Origin};
+use crate::signing::clock::{ClockError, Origin, first_stamp};
 use crate::signing::{Stamp, sign};
 use crate::store::Disk;
 
@@ -177,7 +177,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             .map_or(Stamp::ZERO, |old| old.clock().reading(now));
         if let NewKey::Staged(key) = &self.new {
             let key = key.duplicate();
-            let wall = Stamp::from_unix(now.wall).max(self.config.not_before);
+            let (wall, _) = first_stamp(Stamp::from_unix(now.wall), self.config.not_before);
             // The wall clock alone is trusted only where there is no clock of an older key.
             let base = if self.old.is_some() { seen } else { wall };
             let initial = base.next().ok_or(ClockError::Exhausted)?;

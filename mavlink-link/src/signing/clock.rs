@@ -138,10 +138,10 @@ impl SigningClock {
                 // One above the ceiling: the run before may have sent or accepted every timestamp up to it.
                 other => (ceiling.get() + 1, other),
             },
-            // No ceiling to compare with. The build date is the only lower bound, for a computer that boots without a
-            // clock.
-            None if wall_stamp < not_before => (not_before.get(), WallState::Behind),
-            None => (wall_stamp.get(), WallState::Fits),
+            None => {
+                let (first, wall) = first_stamp(wall_stamp, not_before);
+                (first.get(), wall)
+            }
         };
         let (start, floor) = match (origin, stored) {
             (Origin::Provisioned { initial }, None) => {
@@ -289,7 +289,7 @@ impl SigningClock {
     /// has the key can end the life of every clock by one frame.
     #[must_use]
     pub fn may_meet(&self, stamp: Stamp) -> bool {
-        stamp.get().saturating_add(RESERVE) <= Stamp::MAX.get()
+        !is_in_reserve(stamp)
     }
 
     /// Moves to a peer's clock, which the peer has proved to run ahead of this one now. The effect is that of a restart
@@ -414,6 +414,24 @@ pub enum ClockError {
     Exhausted,
 }
 
+/// Where a clock begins that has no ceiling to compare the wall clock with: at the wall clock, if that can be right.
+///
+/// The build date is the only lower bound, for a computer that boots without a clock. The upper one are the last years of the
+/// 48 bits: a clock that begins there would end the life of its key, since no peer may meet it.
+pub(crate) fn first_stamp(wall: Stamp, not_before: Stamp) -> (Stamp, WallState) {
+    if wall < not_before {
+        (not_before, WallState::Behind)
+    } else if is_in_reserve(wall) {
+        (not_before, WallState::FarAhead)
+    } else {
+        (wall, WallState::Fits)
+    }
+}
+
+fn is_in_reserve(stamp: Stamp) -> bool {
+    stamp.get().saturating_add(RESERVE) > Stamp::MAX.get()
+}
+
 fn judge_wall(ceiling: u64, wall: Stamp) -> WallState {
     let ceiling = Stamp::new(ceiling);
     if wall < ceiling {
@@ -429,7 +447,7 @@ fn judge_wall(ceiling: u64, wall: Stamp) -> WallState {
 const LEAD: Duration = Duration::from_secs(3600);
 /// How far a peer's timestamp must be ahead of the clock, in units of 10 us, to show that the peer's clock is: a second.
 const CLOSE: u64 = 100_000;
-/// Timestamps that no meeting of clocks can use up: ten years, in units of 10 us.
+/// Timestamps that neither a first start nor a meeting of clocks can use up: ten years, in units of 10 us.
 const RESERVE: u64 = 3_653 * 86_400 * 100_000;
 /// How far the ceiling is written ahead.
 // One synchronised write for 10 s of timestamps; one for each frame would stall the link.
@@ -448,6 +466,27 @@ const STORE_RETRY: Duration = Duration::from_secs(1);
 mod tests {
     use super::*;
     use crate::store::MemoryDisk;
+
+    #[test]
+    fn a_first_start_in_the_last_years_of_the_48_bits_begins_at_the_build_and_meets_its_peer() {
+        let built = Stamp::from_unix(Duration::from_secs(1_767_225_600));
+        let today = built.plus(300 * Duration::from_secs(86_400));
+        // 2096; 2106, which the 48 bits do not reach; never.
+        for wall_s in [3_976_214_400, 4_291_747_200, u64::MAX] {
+            let mut disk = MemoryDisk::default();
+            let now = Now {
+                mono: Duration::from_secs(5),
+                wall: Duration::from_secs(wall_s),
+            };
+            let key = KeyId::from_bytes([7; 8]);
+            let mut clock = SigningClock::start(key, Origin::KeyFile, None, built, now);
+            assert_eq!(clock.wall_state(), WallState::FarAhead, "{wall_s}");
+            assert!(clock.take(now, &mut disk).unwrap() < today, "{wall_s}");
+            clock.meet(today, now, &mut disk).unwrap();
+            let stamp = clock.take(now, &mut disk).unwrap();
+            assert!(today < stamp && stamp < today.plus(LEAD), "{wall_s}");
+        }
+    }
 
     #[test]
     fn a_ceiling_is_never_lowered() {

@@ -10,7 +10,7 @@ use mavlink_link::receiver::KeyState;
 use mavlink_link::store::MemoryDisk;
 
 use super::px4::Px4;
-use super::world::{World, config};
+use super::world::{World, config, start};
 use crate::support::{BUILD, at, key, other_key};
 
 #[test]
@@ -146,6 +146,18 @@ fn a_vehicle_that_keeps_its_key_has_the_new_one_taken_back_after_half_a_minute()
         .position(|&s| s == State::RolledBack)
         .unwrap();
     assert_eq!(world.states().len(), back + 1);
+}
+
+/// No peer would meet a clock that begins there, so the key would have to be replaced by a person.
+#[test]
+fn a_first_key_begins_at_no_timestamp_of_the_last_years_of_the_48_bits() {
+    let mut world = World::new(None);
+    // 2096.
+    world.now.wall = Duration::from_secs(3_976_214_400);
+    world.ours = start(&world.keys, &mut world.disk, world.now);
+    assert_eq!(world.settle(30), Some(Outcome::Committed));
+    let year = Duration::from_secs(366 * 86_400);
+    assert!(world.px4.clock < BUILD.plus(year), "{:?}", world.px4.clock);
 }
 
 /// A process was ended before it had sent the key, or its clocks were lost after it had: a rollover that may not send
