@@ -351,7 +351,7 @@ fn pass_to_web(shared: &Shared, datagram: &Datagram) -> bool {
         WebWay::Nowhere => {}
         WebWay::Connection(number) => {
             if let Err(why) = web.send(number, datagram.bytes()) {
-                bridge.close_web(shared.clock.mono(), number, Some(why));
+                bridge.close_web(shared.clock.mono(), number, why);
             }
         }
     }

@@ -40,13 +40,11 @@ fn take(shared: &Shared, report: Report) {
                     web.end(before, WebRefusal::Replaced);
                 }
                 let mut end = WebEnd::new(opened.key, hello.cucs());
-                let (queue, ends) = web.add(number);
                 Ok(Admitted {
                     welcome: end.seal(&opened.welcome),
                     end,
                     cucs: hello.cucs(),
-                    queue,
-                    ends,
+                    ends: web.add(number),
                 })
             });
             // The client disconnected while it was admitted, so nobody will report its end.

@@ -8,8 +8,9 @@
 //! Only requests by address or by a configured name are answered. A web page that has its own name point to this computer
 //! (DNS rebinding) sends that name as Host, and is refused.
 //!
-//! A connection has one answer. Of those that are open the one that has sent no request for longest makes room for the
-//! next: however many send nothing, a request is answered.
+//! A connection has one answer. When all places are taken one makes room for the next: of the host that has most of them, the one
+//! that has sent no request for longest (`makes_room`). However many send nothing a request is answered, and one host takes no
+//! place of another.
 
 pub mod control;
 mod events;
@@ -95,18 +96,20 @@ pub async fn serve(listener: TcpListener, page: Page, beat: Rc<Beat>, source: im
         match accepted.await {
             None => open.retain(|connection| !connection.task.is_finished()),
             Some(Ok((stream, from))) => {
+                let from = SocketAddr::new(from.ip().to_canonical(), from.port());
                 if open.len() >= MAX_CONNECTIONS {
-                    let idle = open.iter().position(|connection| !connection.sent.get());
-                    if let Some(connection) = open.remove(idle.unwrap_or(0)) {
+                    let held: Vec<_> = open.iter().map(|one| (one.host, !one.sent.get())).collect();
+                    let least = makes_room(&held, from.ip());
+                    if let Some(connection) = least.and_then(|at| open.remove(at)) {
                         connection.task.abort();
                     }
                 }
                 let sent = Rc::new(Cell::new(false));
-                let from = SocketAddr::new(from.ip().to_canonical(), from.port());
                 let of_one = (stream, from, door.clone());
                 let served = answer_one(of_one, hosts.clone(), routes.clone(), sent.clone());
                 let task = connections.spawn_local(test_fault::broken("page connection", served));
-                open.push_back(Connection { sent, task });
+                let host = from.ip();
+                open.push_back(Connection { host, sent, task });
             }
             Some(Err(cause)) => {
                 tracing::warn!("the status page: {cause}");
@@ -118,8 +121,22 @@ pub async fn serve(listener: TcpListener, page: Page, beat: Rc<Beat>, source: im
 
 /// An open connection, and whether its request is there.
 struct Connection {
+    host: IpAddr,
     sent: Rc<Cell<bool>>,
     task: AbortHandle,
+}
+
+/// Which of these places, the oldest first, is given to a newcomer: one of the host that has most of them, the newcomer counted; of
+/// these the oldest that is idle, or the oldest. `held`: of each its host, and whether it is idle.
+fn makes_room(held: &[(IpAddr, bool)], newcomer: IpAddr) -> Option<usize> {
+    let of = |host: IpAddr| {
+        let places = held.iter().filter(|(one, _)| *one == host).count();
+        places + usize::from(host == newcomer)
+    };
+    // Of equal ones the last that is looked at is taken: the oldest.
+    let places = held.iter().enumerate().rev();
+    let least = places.max_by_key(|(_, (host, idle))| (of(*host), *idle));
+    least.map(|(at, _)| at)
 }
 
 async fn answer_one(
@@ -244,6 +261,7 @@ mod tests {
     use std::collections::{BTreeMap, BTreeSet};
 
     use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    use tokio::net::TcpSocket;
     use tokio::task::LocalSet;
 
     use super::*;
@@ -361,6 +379,31 @@ mod tests {
                 code(address, url, "Host: attacker.example\r\n").await,
                 "421"
             );
+        });
+    }
+
+    #[test]
+    fn one_host_takes_no_place_of_another() {
+        run(async {
+            let address = page().await;
+            let mut slow = TcpStream::connect(address).await.expect("it accepts");
+            let mut others = Vec::new();
+            for _ in 0..3 * MAX_CONNECTIONS {
+                let socket = TcpSocket::new_v4().expect("a socket");
+                let from = "127.0.0.2:0".parse().expect("an address");
+                socket.bind(from).expect("it is this computer's");
+                others.push(socket.connect(address).await.expect("it accepts"));
+            }
+            let host = format!("Host: {address}\r\n");
+            // Accepted after all of them.
+            assert_eq!(code(address, "/status.json", &host).await, "200");
+            let request = format!("GET /status.json HTTP/1.1\r\n{host}\r\n");
+            slow.write_all(request.as_bytes())
+                .await
+                .expect("it is open");
+            let mut answer = String::new();
+            slow.read_to_string(&mut answer).await.expect("an answer");
+            assert!(answer.starts_with("HTTP/1.1 200"), "{answer:.80}");
         });
     }
 

@@ -2,6 +2,8 @@
 //! waits.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::{mpsc, oneshot};
@@ -16,34 +18,66 @@ pub struct Clients(BTreeMap<u64, Client>);
 struct Client {
     queue: mpsc::Sender<Box<[u8]>>,
     ends: oneshot::Sender<WebRefusal>,
+    /// Its connection serves it, and will report its own end. Before that it may end without a word: it makes room for another, or
+    /// its client reads nothing.
+    served: Arc<AtomicBool>,
+}
+
+/// The connection's ends of what the bridge keeps of it.
+#[derive(Debug)]
+pub struct ClientEnds {
+    /// What the client is to be sent.
+    pub queue: mpsc::Receiver<Box<[u8]>>,
+    /// Ends it.
+    pub ends: oneshot::Receiver<WebRefusal>,
+    served: Arc<AtomicBool>,
+}
+
+impl ClientEnds {
+    /// The client is served from here on, and the end of that will be reported.
+    pub(super) fn begin(&self) {
+        self.served.store(true, Ordering::Relaxed);
+    }
 }
 
 impl Clients {
-    /// One more: the other ends of what it is sent, and of what ends it.
-    pub fn add(
-        &mut self,
-        number: u64,
-    ) -> (mpsc::Receiver<Box<[u8]>>, oneshot::Receiver<WebRefusal>) {
+    /// One more.
+    pub fn add(&mut self, number: u64) -> ClientEnds {
         let (queue, queued) = mpsc::channel(QUEUE);
         let (ends, ended) = oneshot::channel();
-        self.0.insert(number, Client { queue, ends });
-        (queued, ended)
+        let served = Arc::new(AtomicBool::default());
+        let client = Client {
+            queue,
+            ends,
+            served: served.clone(),
+        };
+        self.0.insert(number, client);
+        ClientEnds {
+            queue: queued,
+            ends: ended,
+            served,
+        }
     }
 
     /// Puts a datagram into a client's queue.
     ///
     /// # Errors
-    /// The queue is full: the client reads slower than it is sent messages, and is dropped.
-    pub fn send(&mut self, number: u64, datagram: &[u8]) -> Result<(), WebRefusal> {
+    /// It is not connected any more: the queue was full, since the client reads slower than it is sent messages, and it is dropped
+    /// for that; or, with no reason, its connection ended before it was served.
+    pub fn send(&mut self, number: u64, datagram: &[u8]) -> Result<(), Option<WebRefusal>> {
         let Some(client) = self.0.get(&number) else {
             return Ok(());
         };
         match client.queue.try_send(datagram.into()) {
-            // Of one whose connection has ended that is reported too.
-            Ok(()) | Err(TrySendError::Closed(_)) => Ok(()),
+            Ok(()) => Ok(()),
+            Err(TrySendError::Closed(_)) if client.served.load(Ordering::Relaxed) => Ok(()),
+            Err(TrySendError::Closed(_)) => {
+                self.remove(number);
+                Err(None)
+            }
             Err(TrySendError::Full(_)) => {
                 self.end(number, WebRefusal::TooSlow);
-                Err(WebRefusal::TooSlow)
+                Err(Some(WebRefusal::TooSlow))
             }
         }
     }
@@ -70,3 +104,22 @@ impl Clients {
 
 /// Four seconds of the most that a station is sent (`dli.max_messages_s`), which is what may come at once.
 const QUEUE: usize = 4_096;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_connection_that_ends_before_it_is_served_is_noticed_and_a_served_one_reports_itself() {
+        let mut clients = Clients::default();
+        drop(clients.add(1));
+        assert_eq!(clients.send(1, b"status"), Err(None));
+        assert_eq!(clients.send(1, b"status"), Ok(()), "it is known to be gone");
+        let served = clients.add(2);
+        served.begin();
+        assert_eq!(clients.send(2, b"status"), Ok(()));
+        drop(served);
+        // Its report, with the reason, is on its way.
+        assert_eq!(clients.send(2, b"status"), Ok(()));
+    }
+}

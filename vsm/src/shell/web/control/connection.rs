@@ -38,6 +38,7 @@ pub(super) async fn run(
     {
         Ok(admitted) => {
             verified();
+            admitted.ends.begin();
             let ended = Connection::new((number, from), admitted, reports.clone())
                 .serve(&mut socket)
                 .await;
@@ -163,8 +164,8 @@ impl Connection {
                     Ok(received) => self.take(socket, received).await,
                     Err(ended) => Err(ended),
                 },
-                Some(datagram) = self.admitted.queue.recv() => self.pass(socket, &datagram).await,
-                ended = &mut self.admitted.ends => {
+                Some(datagram) = self.admitted.ends.queue.recv() => self.pass(socket, &datagram).await,
+                ended = &mut self.admitted.ends.ends => {
                     return Ended::ByBridge(ended.unwrap_or(WebRefusal::Ends));
                 }
                 taken = imported(&mut self.import) => self.answer_route(socket, taken).await,
@@ -193,7 +194,7 @@ impl Connection {
             sent = timeout(SILENCE, send(socket, frames)) => {
                 sent.unwrap_or(Err(Ended::Refused(WebRefusal::TooSlow)))
             }
-            ended = &mut self.admitted.ends => Err(Ended::ByBridge(ended.unwrap_or(WebRefusal::Ends))),
+            ended = &mut self.admitted.ends.ends => Err(Ended::ByBridge(ended.unwrap_or(WebRefusal::Ends))),
         }
     }
 

@@ -18,7 +18,7 @@ mod route;
 
 use std::collections::VecDeque;
 use std::io;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -33,9 +33,9 @@ use stanag_msgs::Id;
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 
-pub use self::clients::Clients;
+pub use self::clients::{ClientEnds, Clients};
 pub use self::report::{Admitted, Report};
-use super::routes;
+use super::{makes_room, routes};
 use crate::session::web::{MAX_FRAME, WebRefusal};
 
 /// Where the reports of all connections arrive.
@@ -100,7 +100,10 @@ async fn enter(
         .max_message_size(2 * MAX_FRAME)
         .max_frame_size(2 * MAX_FRAME);
     upgrade.on_upgrade(move |socket| async move {
-        let _ = door.connections.send((socket, from)).await;
+        // Nobody waits here: it would be as many as somebody connects, each with an open socket.
+        if door.connections.try_send((socket, from)).is_err() {
+            door.refuse(from, WebRefusal::Many);
+        }
     })
 }
 
@@ -112,27 +115,38 @@ impl Door {
     }
 }
 
-/// Connections that have not verified, the oldest first; the first of them makes room.
+/// Connections that have not verified, the oldest first. When all places are taken one of them makes room, of the host that has most.
 #[derive(Debug, Default)]
-struct Waiting(Mutex<VecDeque<(u64, AbortHandle)>>);
+struct Waiting(Mutex<VecDeque<Unverified>>);
+
+#[derive(Debug)]
+struct Unverified {
+    number: u64,
+    host: IpAddr,
+    task: AbortHandle,
+}
 
 impl Waiting {
     /// The place of one more, and whether another had to leave for it.
-    fn enter(&self, number: u64, task: AbortHandle) -> bool {
+    fn enter(&self, number: u64, host: IpAddr, task: AbortHandle) -> bool {
         let mut waiting = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        waiting.retain(|(_, task)| !task.is_finished());
+        waiting.retain(|one| !one.task.is_finished());
         let full = waiting.len() >= MAX_WAITING;
-        if full && let Some((_, oldest)) = waiting.pop_front() {
-            oldest.abort();
+        if full {
+            let held: Vec<_> = waiting.iter().map(|one| (one.host, true)).collect();
+            let least = makes_room(&held, host);
+            if let Some(one) = least.and_then(|at| waiting.remove(at)) {
+                one.task.abort();
+            }
         }
-        waiting.push_back((number, task));
+        waiting.push_back(Unverified { number, host, task });
         full
     }
 
     /// It has verified and keeps its place, whatever other clients connect.
     fn leave(&self, number: u64) {
         let mut waiting = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        waiting.retain(|(one, _)| *one != number);
+        waiting.retain(|one| one.number != number);
     }
 }
 
@@ -157,7 +171,7 @@ async fn serve(
         let verified = move || leaves.leave(number);
         let ends = connection::run(socket, (number, from), vsm, reports_of, verified);
         let task = connections.spawn(ends);
-        if waiting.enter(number, task) {
+        if waiting.enter(number, from.ip(), task) {
             let why = WebRefusal::Many;
             let _ = reports.try_send(Report::Refused { from, why });
         }
@@ -188,3 +202,32 @@ const IMPORTS: usize = 2;
 const LAST_FRAMES: std::time::Duration = std::time::Duration::from_millis(300);
 /// So much lower is the priority of the connections.
 const NICE: i32 = 10;
+
+#[cfg(test)]
+mod tests {
+    use std::future::pending;
+    use std::net::Ipv4Addr;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn one_host_takes_no_waiting_place_of_another() {
+        let waiting = Waiting::default();
+        let task = || tokio::spawn(pending::<()>()).abort_handle();
+        let [client, stranger] = [1, 2].map(|last| IpAddr::from(Ipv4Addr::new(192, 0, 2, last)));
+        let (own, first) = (task(), task());
+        assert!(!waiting.enter(0, client, own.clone()));
+        assert!(!waiting.enter(1, stranger, first.clone()));
+        let mut left = 0;
+        for number in 2..200 {
+            left += usize::from(waiting.enter(number, stranger, task()));
+        }
+        // What is aborted ends when its turn comes.
+        for _ in 0..200 {
+            tokio::task::yield_now().await;
+        }
+        assert_eq!(left, 200 - MAX_WAITING);
+        assert!(first.is_finished());
+        assert!(!own.is_finished(), "it has the place that it had");
+    }
+}

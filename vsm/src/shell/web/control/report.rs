@@ -3,8 +3,9 @@
 use std::net::SocketAddr;
 
 use stanag_msgs::Id;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::oneshot;
 
+use super::clients::ClientEnds;
 use crate::session::web::{WebEnd, WebRefusal};
 
 /// What a connection has for the bridge.
@@ -57,8 +58,6 @@ pub struct Admitted {
     pub welcome: String,
     /// In whose name it sends.
     pub cucs: Id,
-    /// What it is to be sent.
-    pub queue: mpsc::Receiver<Box<[u8]>>,
-    /// Ends it.
-    pub ends: oneshot::Receiver<WebRefusal>,
+    /// What the bridge gives it.
+    pub ends: ClientEnds,
 }
