@@ -1,7 +1,7 @@
 //! `[web] tiles`: pictures of the ground beneath what the map draws, from a PMTiles file on this computer. No other host is asked.
 //!
-//! A tile is looked up on a thread beside the one that flies, which waits for no disk and unpacks no directory. Only pictures are
-//! served: vector tiles would need styles, fonts and a second library in the page.
+//! A tile is looked up on a thread beside the one that flies, which waits for no disk and unpacks no directory, one tile at a time.
+//! Only pictures are served: vector tiles would need styles, fonts and a second library in the page.
 
 use std::fs::File;
 use std::io;
@@ -18,6 +18,7 @@ use pmtiles::{
 };
 use serde::Serialize;
 use tokio::runtime::Handle;
+use tokio::sync::Semaphore;
 
 use crate::config::open_file;
 
@@ -26,6 +27,8 @@ pub struct Tiles {
     reader: Arc<AsyncPmTilesReader<Disk>>,
     kind: &'static str,
     info: TilesInfo,
+    /// Whose tile is looked up.
+    turn: Arc<Semaphore>,
 }
 
 /// What the page must know of them.
@@ -111,6 +114,7 @@ impl Tiles {
             reader: Arc::new(reader),
             kind,
             info,
+            turn: Arc::new(Semaphore::new(1)),
         })
     }
 
@@ -132,8 +136,15 @@ impl Tiles {
         let Ok(place) = TileCoord::new(zoom, x, y) else {
             return Ok(None);
         };
+        // Of who asks and is gone, too: hundreds of threads would take the processor from the one that flies.
+        let turn = self.turn.clone().acquire_owned().await;
+        let turn = turn.map_err(io::Error::other)?;
         let (reader, runtime) = (self.reader.clone(), Handle::current());
-        let read = move || runtime.block_on(reader.get_tile(place));
+        let read = move || {
+            let tile = runtime.block_on(reader.get_tile(place));
+            drop(turn);
+            tile
+        };
         let read = tokio::task::spawn_blocking(read).await;
         read.map_err(io::Error::other)?
     }
@@ -186,7 +197,11 @@ const MAX_READ: usize = 4 << 20;
 
 #[cfg(test)]
 mod tests {
+    use std::future::poll_fn;
     use std::io::Cursor;
+    use std::pin::pin;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::task::Poll;
 
     use pmtiles::PmTilesWriter;
     use tempfile::tempdir;
@@ -239,6 +254,34 @@ mod tests {
                 assert_eq!(tile, None, "{zoom}/{x}/{y}");
             }
         });
+    }
+
+    #[test]
+    fn however_many_ask_and_are_gone_one_tile_is_looked_up_at_a_time() {
+        let folder = tempdir().expect("a folder");
+        let path = folder.path().join("map.pmtiles");
+        std::fs::write(&path, written(TileType::Png, "{}")).expect("a file");
+        let tiles = Tiles::open(&path).expect("it opens");
+        let threads = Arc::new(AtomicUsize::default());
+        let counted = threads.clone();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .on_thread_start(move || {
+                counted.fetch_add(1, Ordering::Relaxed);
+            })
+            .build();
+        runtime.expect("a runtime").block_on(async {
+            let another = tiles.turn.clone().try_acquire_owned();
+            for _ in 0..200 {
+                let mut asked = pin!(tiles.get(1, 1, 0));
+                let once = poll_fn(|context| Poll::Ready(asked.as_mut().poll(context)));
+                assert!(once.await.is_pending());
+            }
+            assert_eq!(threads.load(Ordering::Relaxed), 0, "for nobody who waits");
+            drop(another);
+            let tile = tiles.get(1, 1, 0).await.expect("it reads");
+            assert_eq!(tile.as_deref(), Some(&b"a picture"[..]));
+        });
+        assert_eq!(threads.load(Ordering::Relaxed), 1);
     }
 
     /// Another program writes it again while the bridge flies: a tile is missing, and the process lives.
