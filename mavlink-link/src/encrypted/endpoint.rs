@@ -14,7 +14,7 @@ use super::record::EncryptedRecord;
 use super::stats::{Dropped, EncryptedStats};
 use crate::Now;
 use crate::address::{ProvenAddress, Sender};
-use crate::exchange::{Message, PublicKey, Random, Received, Suite, VERSION};
+use crate::exchange::{Callers, Message, PublicKey, Random, Received, Suite, VERSION};
 use crate::frame::{FrameView, Header, KEY_EXCHANGE_ID, MAX_FRAME, encode_raw};
 use crate::store::{Disk, Store as _, StoreError};
 
@@ -170,6 +170,13 @@ impl<A: Copy + Eq + Hash> EncryptedLink<A> {
             radio: VecDeque::new(),
             stats: EncryptedStats::default(),
         })
+    }
+
+    /// With the number of the computer that an address is of: one that asks for keys from many addresses keeps no other out.
+    #[must_use]
+    pub fn by_host(mut self, host: fn(A) -> u64) -> Self {
+        self.places.callers = Callers::by_host(host);
+        self
     }
 
     /// A pairing has pinned this peer: the keys of another are dropped.

@@ -4,6 +4,9 @@
 //! plays one from elsewhere can do so far more often than the peer asks. Sent to the latest caller alone, every message
 //! would go there. So each address that calls is sent the message in progress once for its call: the peer among them is
 //! reached whatever the others do, and who only had his address forged is sent little more than was sent in his name.
+//!
+//! The addresses that are remembered are few, and one computer has 65,000 of them. So where computers can be told apart, one
+//! that has more places than others gives way to them ([`Callers::by_host`]).
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -13,6 +16,8 @@ use std::collections::VecDeque;
 pub struct Callers<A> {
     /// In the order of their last calls.
     callers: VecDeque<Caller<A>>,
+    /// The computer of an address.
+    host: Option<fn(A) -> u64>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -27,11 +32,21 @@ impl<A> Default for Callers<A> {
     fn default() -> Self {
         Self {
             callers: VecDeque::new(),
+            host: None,
         }
     }
 }
 
 impl<A: Copy + Eq> Callers<A> {
+    /// With the number of the computer that an address is of.
+    #[must_use]
+    pub fn by_host(host: fn(A) -> u64) -> Self {
+        Self {
+            host: Some(host),
+            ..Self::default()
+        }
+    }
+
     /// Something that the peer can have made came from there.
     pub fn note(&mut self, from: A, now: Duration) {
         self.forget(now);
@@ -40,8 +55,12 @@ impl<A: Copy + Eq> Callers<A> {
             Some(place) => {
                 self.callers.remove(place);
             }
-            // None is dropped for another: a crowd could drop the peer before it is answered.
-            None if self.callers.len() >= MAX_CALLERS => return,
+            None if self.callers.len() >= MAX_CALLERS => match self.gives_way_to(from) {
+                Some(place) => {
+                    self.callers.remove(place);
+                }
+                None => return,
+            },
             None => {}
         }
         self.callers.push_back(Caller {
@@ -49,6 +68,21 @@ impl<A: Copy + Eq> Callers<A> {
             called: now,
             owed: true,
         });
+    }
+
+    /// Who makes room for a newcomer: the latest caller of the computer that has the most places, where the newcomer's has fewer with
+    /// this one. Nobody else: a crowd could drop the peer before it is answered.
+    fn gives_way_to(&self, newcomer: A) -> Option<usize> {
+        let host = self.host?;
+        let mut hosts: Vec<u64> = self.callers.iter().map(|one| host(one.at)).collect();
+        let own = hosts.iter().filter(|one| **one == host(newcomer)).count();
+        hosts.sort_unstable();
+        let most = hosts
+            .chunk_by(|one, other| one == other)
+            .max_by_key(|places| places.len())?;
+        let crowd = most.first()?;
+        let latest = self.callers.iter().rposition(|one| host(one.at) == *crowd);
+        latest.filter(|_| most.len() > own + 1)
     }
 
     /// The message in progress has been sent there.
@@ -136,6 +170,34 @@ mod tests {
         assert!(polled(&mut callers, 11_000).is_empty());
         callers.call_back();
         assert!(polled(&mut callers, 12_000).is_empty(), "forgotten");
+    }
+
+    #[test]
+    fn ten_thousand_addresses_of_one_computer_keep_no_other_out() {
+        let mut callers = Callers::by_host(|at: u32| u64::from(at / 100_000));
+        let mut answered = 0;
+        for ms in 0..60_000_u32 {
+            // A new one each millisecond; all of them call again before they are forgotten.
+            let now = Duration::from_millis(ms.into());
+            callers.note(ms % 10_000, now);
+            // The peer, on another computer, and later than they.
+            if ms % 10_000 == 1_007 {
+                callers.note(100_000, now);
+            }
+            let sent = polled(&mut callers, ms.into());
+            answered += sent.iter().filter(|to| **to == 100_000).count();
+        }
+        assert_eq!(answered, 6);
+        assert_eq!(callers.callers.len(), MAX_CALLERS);
+    }
+
+    #[test]
+    fn a_crowd_of_computers_drops_nobody_who_was_there_before() {
+        let mut callers = Callers::<u32>::by_host(u64::from);
+        for address in 0..10_000_u32 {
+            callers.note(address, Duration::ZERO);
+        }
+        assert_eq!(polled(&mut callers, 0), (0..128).collect::<Vec<_>>());
     }
 
     #[test]

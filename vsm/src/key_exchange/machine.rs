@@ -127,7 +127,7 @@ impl KeyExchange {
             machine,
             record,
             agent_at: None,
-            callers: Callers::default(),
+            callers: Callers::by_host(Peer::host),
             unsent: None,
             check_at: now.mono,
             keep_until: None,

@@ -83,7 +83,7 @@ impl Encryption {
         };
         Ok(Encryption {
             address: address.clone(),
-            link: EncryptedLink::open(config, now.mono, disk)?,
+            link: EncryptedLink::open(config, now.mono, disk)?.by_host(Peer::host),
             out: Box::new([0; MAX_WIRE]),
             vehicle,
             stored,

@@ -170,7 +170,7 @@ impl Pairing {
             writer,
             peer,
             exchanged: false,
-            callers: Callers::default(),
+            callers: Callers::by_host(Peer::host),
             parser: Parser::new(),
             seq: 0,
             encryption,

@@ -1,6 +1,6 @@
 //! Frames for the wire, and where they come from and go to.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 
 use mavlink_link::frame::{FrameView, MAX_FRAME};
 
@@ -13,6 +13,19 @@ pub enum Peer {
     Tcp(SocketAddr),
     /// The other end of a serial line.
     Serial,
+}
+
+impl Peer {
+    /// The computer that it is on; of IPv6 the network, since a computer may have every address in it.
+    pub(crate) fn host(self) -> u64 {
+        match self {
+            Peer::Udp(address) | Peer::Tcp(address) => match address.ip().to_canonical() {
+                IpAddr::V4(ip) => ip.to_bits().into(),
+                IpAddr::V6(ip) => (ip.to_bits() >> 64) as u64,
+            },
+            Peer::Serial => 0,
+        }
+    }
 }
 
 impl std::fmt::Display for Peer {
