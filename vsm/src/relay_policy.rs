@@ -67,6 +67,8 @@ pub(crate) enum Denied {
     Parameter([u8; 16]),
     /// It writes a parameter of a component that is not PX4.
     Elsewhere,
+    /// It reaches for PX4's key on its card.
+    KeyFile,
 }
 
 impl Denied {
@@ -79,6 +81,7 @@ impl Denied {
             Denied::Zeroizing => "a zeroize is ordered",
             Denied::Parameter(_) => "parameter protected (relay.protected_parameters)",
             Denied::Elsewhere => "parameter of another component than PX4",
+            Denied::KeyFile => "file transfer that may reach PX4's key",
         }
     }
 }
@@ -126,6 +129,7 @@ impl RelayPolicy {
                     Ok(())
                 }
             }
+            FILE_TRANSFER if may_reach_key(payload) => Err(Denied::KeyFile),
             _ => Ok(()),
         }
     }
@@ -235,10 +239,33 @@ pub(crate) fn reads_files(payload: &[u8]) -> bool {
     matches!(byte(payload, 6), 0..=5 | 14 | 15)
 }
 
+/// Whether a FILE_TRANSFER_PROTOCOL message names a path by which PX4's key can be read: mavlink/mavlink-signing-key.bin on its card,
+/// which PX4 gives anybody who may read files. Beside the folder that is a short name of FAT (MAVLIN~1.BIN), the card as a
+/// device, and the memory of a process, where PX4 runs on Linux.
+fn may_reach_key(payload: &[u8]) -> bool {
+    // Of a write it is the content of a file; of what has no path, nothing.
+    if byte(payload, 6) == WRITE_FILE {
+        return false;
+    }
+    // Two paths where one is renamed. PX4 reads no further than a size that stands before them.
+    let paths = payload.get(15..).unwrap_or_default();
+    let mut folder = paths.windows(KEY_FOLDER.len());
+    let mut names = paths.split(|byte| matches!(byte, 0 | b'/'));
+    let is_system = |name: &[u8]| {
+        let mut system = [&b"dev"[..], b"proc"].into_iter();
+        system.any(|one| one.eq_ignore_ascii_case(name))
+    };
+    folder.any(|part| part.eq_ignore_ascii_case(KEY_FOLDER))
+        || paths.contains(&b'~')
+        || names.any(is_system)
+}
+
 /// KEY_EXCHANGE and SETUP_SIGNING, whatever a list has: keys are changed by who has them.
 const NEVER: [u32; 2] = [229, 256];
 /// FILE_TRANSFER_PROTOCOL.
 pub(crate) const FILE_TRANSFER: u32 = 110;
+const WRITE_FILE: u8 = 7;
+const KEY_FOLDER: &[u8] = b"mavlink";
 const COMMAND_INT: u32 = 75;
 const COMMAND_LONG: u32 = 76;
 const PARAM_SET: u32 = 23;

@@ -87,6 +87,7 @@ impl Relay {
                         Denied::ForcedDisarm
                         | Denied::Parameter(_)
                         | Denied::Elsewhere
+                        | Denied::KeyFile
                         | Denied::Zeroizing => {}
                     }
                     denied.name()

@@ -395,6 +395,53 @@ fn a_captured_ground_station_writes_no_parameter_of_another_component() {
     }
 }
 
+/// PX4 gives its key file to whoever may read files: where they are listed, the key does not leave by them.
+#[test]
+fn where_files_pass_none_by_which_px4s_key_can_be_read_does() {
+    let mut settings = settings();
+    settings.policy.messages.push(110);
+    let disk = Disk::with(Some(key(5)));
+    let mut world = World::with(settings, disk, Signing::with_key(key(5), 0));
+    world.run(3.0);
+    let mut passes = |opcode: u8, path: &str| {
+        let mut payload = [0; 254];
+        payload[6..8].copy_from_slice(&[opcode, path.len() as u8]);
+        payload[15..15 + path.len()].copy_from_slice(path.as_bytes());
+        let bytes = signed(&mut world, 110, &payload);
+        (
+            world.passes(GROUND, &bytes),
+            world.held_back("file transfer that may reach PX4's key"),
+        )
+    };
+    // OpenFileRO, OpenFileWO, Rename, CalcFileCRC32.
+    let mut held_back = 0;
+    for opcode in [4, 11, 13, 14] {
+        for path in [
+            "/fs/microsd/mavlink/mavlink-signing-key.bin",
+            "fs/microsd/./MAVLINK//x",
+            "/fs/microsd/Mavlink./x",
+            "/fs/microsd/log/a\0/fs/microsd/mavlink",
+            "/fs/microsd/x/MAVLIN~1.BIN",
+            "/dev/mmcsd0",
+            "//DEV/mmcsd0",
+            "/proc/1/mem",
+        ] {
+            held_back += 1;
+            assert_eq!(passes(opcode, path), (false, held_back), "{opcode} {path}");
+        }
+        for path in [
+            "/fs/microsd/log/2026-11-30/10_00_00.ulg",
+            "/etc/extras/parameters.json.xz",
+            "/fs/microsd/device/process",
+            "",
+        ] {
+            assert_eq!(passes(opcode, path), (true, held_back), "{opcode} {path}");
+        }
+    }
+    // WriteFile has no path.
+    assert_eq!(passes(7, "of mavlink"), (true, held_back));
+}
+
 /// An item of a mission, in place of a command. PX4 v1.18 carries it out as one when the mission reaches it.
 fn item(world: &mut World, id: u32, command: u16, param2: f32) -> Vec<u8> {
     let mut payload = [0; 38];

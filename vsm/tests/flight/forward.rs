@@ -704,6 +704,16 @@ fn an_unsigned_program_changes_no_keys_opens_no_shell_and_writes_no_file() {
     // ListDirectory.
     send_unsigned(&mut rig, &file(3));
     assert_eq!(status(&rig, 0).taken, taken + 1);
+    // OpenFileRO of the vehicle's key, with which it would sign whatever it likes.
+    let mut key_file = file(4);
+    if let MavMessage::FILE_TRANSFER_PROTOCOL(open) = &mut key_file {
+        let path = b"/fs/microsd/mavlink/mavlink-signing-key.bin";
+        open.payload[12..12 + path.len()].copy_from_slice(path);
+    }
+    send_unsigned(&mut rig, &key_file);
+    assert_eq!(status(&rig, 0).taken, taken + 1);
+    let refused = status(&rig, 0).refused;
+    assert_eq!(refused.get("file transfer that may reach PX4's key"), 1);
 }
 
 #[test]
