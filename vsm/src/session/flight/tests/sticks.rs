@@ -1,5 +1,7 @@
 //! Manual flight by sticks (2010), and how it ends.
 
+use mapping::telemetry::Health;
+
 use super::*;
 use crate::session::other::Other;
 
@@ -346,4 +348,47 @@ fn sticks_that_come_are_not_taken_for_a_pilots() {
     handle(&mut world, &mut flight, Input::Advance);
     let pilot = Some(Other::Pilot(Px4Mode::POSCTL));
     assert_eq!(flight.other(&world.vehicle, now(&world)), pilot);
+}
+
+/// A safety pilot's remote control is on.
+#[test]
+fn manual_flight_is_refused_where_the_vehicle_has_other_sticks_that_go_first() {
+    const REMOTE_CONTROL: u32 = 0x1_0000;
+    let health = |healthy| {
+        Some(Health {
+            enabled: REMOTE_CONTROL,
+            healthy,
+        })
+    };
+    for (source, health, refused) in [
+        (Some(5.0), health(REMOTE_CONTROL), true),
+        (Some(2.0), health(REMOTE_CONTROL), true),
+        (Some(6.0), health(REMOTE_CONTROL), false),
+        (None, health(REMOTE_CONTROL), false),
+        // It misses one.
+        (Some(5.0), health(0), false),
+        (Some(5.0), None, false),
+    ] {
+        let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+        if let Some(source) = source {
+            world.parameters.set("COM_RC_IN_MODE", source);
+        }
+        world.vehicle.telemetry.sensed.health = health;
+        command(&mut world, &mut flight, sticks());
+        let answers = command(&mut world, &mut flight, select(Mode::FlightDirector));
+        assert_eq!(answers.contains(&AckType::Refused), refused, "{source:?}");
+        assert_eq!(world.posts().is_empty(), refused, "{source:?}");
+    }
+    // Those that it has are these.
+    let (mut world, mut flight) = by_hand();
+    world.parameters.set("COM_RC_IN_MODE", 2.0);
+    world.vehicle.telemetry.sensed.health = health(REMOTE_CONTROL);
+    let answers = command(&mut world, &mut flight, select(Mode::FlightDirector));
+    assert!(!answers.contains(&AckType::Refused), "{answers:?}");
+    // Or of a VSM that was killed: the vehicle is still in the mode.
+    let mut restarted = Flight::default();
+    handle(&mut world, &mut restarted, Input::Advance);
+    command(&mut world, &mut restarted, sticks());
+    let answers = command(&mut world, &mut restarted, select(Mode::FlightDirector));
+    assert!(!answers.contains(&AckType::Refused), "{answers:?}");
 }
