@@ -5,23 +5,11 @@ use stanag_msgs::messages::{AreaTransferCommand, AreaVertex};
 
 use super::*;
 
-/// The items of `circle` alone.
-fn fence_items() -> Vec<Item> {
-    let points = mapping::area::fence(&[circle()], &[], &Holder::default()).expect("a fence");
-    points.iter().map(|point| point.item).collect()
-}
-
 #[test]
 fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
     let mut world = World::new();
-    let circle = circle();
-    let items: Vec<Item> =
-        mapping::area::fence(std::slice::from_ref(&circle), &[], &Holder::default())
-            .expect("a fence")
-            .iter()
-            .map(|point| point.item)
-            .collect();
-    let mut mission = Mission::new(vec![circle], Vec::new());
+    let items = fence_items(&circle());
+    let mut mission = Mission::new(vec![circle()], Vec::new());
     assert_eq!(mission.poll_timeout(), None);
     handle(&mut world, &mut mission, Input::LinkUp);
     let due = mission.poll_timeout().expect("the comparison");
@@ -63,7 +51,7 @@ fn a_route_is_sent_once_the_areas_of_the_configuration_are_aboard() {
             command(&mut world, &mut mission, transfer(Mode::Load));
             assert_eq!(answers(&mut world), [AckType::Received]);
         }
-        let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+        let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items(&circle()));
         assert_eq!(world.services.missions.busy(), None, "it is not named yet");
         world.vehicle.telemetry.mission = named(0, fence_id);
         handle(&mut world, &mut mission, Input::WatchFence);
@@ -83,12 +71,7 @@ fn a_route_is_refused_where_the_areas_of_the_configuration_are_not_uploaded() {
     command(&mut world, &mut mission, transfer(Mode::Load));
     world.advance(4 * SECOND);
     handle(&mut world, &mut mission, Input::WatchFence);
-    let failed = || Event::Failed {
-        operation: Operation::Upload,
-        kind: FENCE,
-        reason: Failure::NoAnswer { seq: None },
-    };
-    ended(&mut world, &mut mission, Operation::Upload, failed());
+    upload_fails(&mut world, &mut mission, FENCE);
     let refused = |world: &mut World| {
         let (progress, texts) = reports(world);
         assert_eq!(progress.last(), Some(&(Status::Aborted, 0)));
@@ -100,7 +83,7 @@ fn a_route_is_refused_where_the_areas_of_the_configuration_are_not_uploaded() {
     refused(&mut world);
     world.advance(31 * SECOND);
     handle(&mut world, &mut mission, Input::WatchFence);
-    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items(&circle()));
     world.vehicle.telemetry.mission = named(0, fence_id);
     handle(&mut world, &mut mission, Input::WatchFence);
     command(&mut world, &mut mission, transfer(Mode::Load));
@@ -117,7 +100,7 @@ fn the_vsm_begins_no_route_by_itself_before_the_vehicle_holds_its_fence() {
         |world: &World, mission: &Mission| mission.view(&world.vehicle, &world.services).may_change;
     let by_itself = || Input::LoadAndFly {
         origin: None,
-        route_type: Some(stanag_msgs::enums::RouteType::Flight),
+        route_type: Some(RouteType::Flight),
         command: Box::default(),
     };
     handle(&mut world, &mut mission, Input::LinkUp);
@@ -127,7 +110,7 @@ fn the_vsm_begins_no_route_by_itself_before_the_vehicle_holds_its_fence() {
     world.advance(4 * SECOND);
     handle(&mut world, &mut mission, Input::WatchFence);
     assert_eq!(may_change(&world, &mission), Err(BUSY));
-    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items(&circle()));
     world.vehicle.telemetry.mission = named(0, fence_id);
     handle(&mut world, &mut mission, Input::WatchFence);
     assert_eq!(may_change(&world, &mission), Ok(()));
@@ -142,17 +125,12 @@ fn a_lost_mission_is_sent_again_once_the_fence_is_aboard() {
     // The vehicle has restarted without anything aboard, and does not take the fence at once.
     world.vehicle.telemetry.mission = named(id + 1, 0);
     assert_eq!(looked(&mut world, &mut mission), Some(Operation::Upload));
-    let failed = Event::Failed {
-        operation: Operation::Upload,
-        kind: FENCE,
-        reason: Failure::NoAnswer { seq: None },
-    };
-    ended(&mut world, &mut mission, Operation::Upload, failed);
+    upload_fails(&mut world, &mut mission, FENCE);
     handle(&mut world, &mut mission, Input::CompareWithVehicle);
     assert!(!mission.transfers.is_running());
     world.advance(31 * SECOND);
     handle(&mut world, &mut mission, Input::WatchFence);
-    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items(&circle()));
     world.vehicle.telemetry.mission = named(id + 1, fence_id);
     handle(&mut world, &mut mission, Input::WatchFence);
     handle(&mut world, &mut mission, Input::CompareWithVehicle);
@@ -165,18 +143,12 @@ fn a_route_for_a_mode_waits_for_the_areas_of_a_cucs_until_the_vehicle_is_silent(
     let (mut world, mut mission) = ready();
     stored(&mut world, &mut mission);
     load_areas(&mut world, &mut mission);
-    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    let fence_id = transferred(&mut world, &mut mission, FENCE, &fence_items(&circle()));
     world.vehicle.telemetry.mission = named(0, fence_id);
     handle(&mut world, &mut mission, Input::WatchFence);
     // The vehicle may have restarted without them.
     handle(&mut world, &mut mission, Input::LinkUp);
-    let wanted = VehicleOperatingModeCommand::default();
-    let message = wanted.clone().into();
-    let input = Input::LoadAndFly {
-        origin: Some(origin(&message)),
-        route_type: Some(stanag_msgs::enums::RouteType::Flight),
-        command: Box::new(wanted),
-    };
+    let input = load_and_fly(Some(RouteType::Flight));
     handle(&mut world, &mut mission, input);
     handle(&mut world, &mut mission, Input::Advance);
     assert_eq!(world.services.missions.busy(), None, "it waits");
@@ -208,7 +180,7 @@ fn an_area_that_home_breaches_is_uploaded_once_home_is_within_it() {
     world.vehicle.telemetry.home = Some(place(47.0));
     world.advance(31 * SECOND);
     handle(&mut world, &mut mission, Input::WatchFence);
-    let id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    let id = transferred(&mut world, &mut mission, FENCE, &fence_items(&circle()));
     world.vehicle.telemetry.mission = named(0, id);
     handle(&mut world, &mut mission, Input::WatchFence);
     assert_eq!(mission.fence.id(), Some(id));
@@ -223,15 +195,9 @@ fn an_area_that_home_breaches_is_uploaded_once_home_is_within_it() {
 #[test]
 fn an_area_that_leaves_the_configuration_during_its_upload_is_cleared() {
     let mut world = World::new();
-    let circle = circle();
-    let items: Vec<Item> =
-        mapping::area::fence(std::slice::from_ref(&circle), &[], &Holder::default())
-            .expect("a fence")
-            .iter()
-            .map(|point| point.item)
-            .collect();
+    let items = fence_items(&circle());
     let mut mission = Mission::new(Vec::new(), Vec::new());
-    mission.set_areas(vec![circle], world.now.mono);
+    mission.set_areas(vec![circle()], world.now.mono);
     handle(&mut world, &mut mission, Input::WatchFence);
     assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
     mission.set_areas(Vec::new(), world.now.mono);
@@ -251,8 +217,7 @@ fn an_area_that_leaves_the_configuration_during_its_upload_is_cleared() {
 #[test]
 fn a_comparison_of_the_fence_that_a_silent_vehicle_delays_wakes_nobody() {
     let mut world = World::new();
-    let circle = circle();
-    let mut mission = Mission::new(vec![circle], Vec::new());
+    let mut mission = Mission::new(vec![circle()], Vec::new());
     handle(&mut world, &mut mission, Input::LinkUp);
     world.vehicle = VehicleState::default();
     world.advance(10 * SECOND);
@@ -378,12 +343,7 @@ fn areas_whose_upload_fails_are_cleared_where_the_vehicle_may_hold_some() {
             };
             handle(&mut world, &mut mission, Input::ServiceEnded(progress));
         }
-        let failed = Event::Failed {
-            operation: Operation::Upload,
-            kind: FENCE,
-            reason: Failure::NoAnswer { seq: None },
-        };
-        ended(&mut world, &mut mission, Operation::Upload, failed);
+        upload_fails(&mut world, &mut mission, FENCE);
         assert!(answers(&mut world).contains(&AckType::Refused));
         let expected = requested.then_some(Operation::Clear);
         world.advance(31 * SECOND);

@@ -4,6 +4,17 @@ use super::*;
 use crate::session::context::FlightView;
 use crate::session::effects::Request;
 
+/// The vehicle takes the first of two items.
+fn first_item_taken(world: &mut World, mission: &mut Mission) {
+    let progress = Event::Progress {
+        operation: Operation::Upload,
+        done: 1,
+        total: 2,
+        percent: 50,
+    };
+    handle(world, mission, Input::ServiceEnded(progress));
+}
+
 #[test]
 fn a_route_is_loaded_once_the_vehicle_names_it_and_a_restart_finds_it() {
     let (mut world, mut mission) = ready();
@@ -44,7 +55,7 @@ fn a_load_that_changes_a_contingency_route_by_its_waypoint_numbers_is_named() {
         time_stamp: Some(TimeStamp(5)),
         initial_waypoint_number: Some(2),
         route_id: Some(Text::new("HOME")),
-        route_type: Some(stanag_msgs::enums::RouteType::ContingencyA),
+        route_type: Some(RouteType::ContingencyA),
         ..UaRoute::default()
     };
     command(&mut world, &mut mission, home);
@@ -109,13 +120,7 @@ fn a_mode_command_flies_once_its_route_is_uploaded_unless_it_was_dropped() {
         let (mut world, mut mission) = ready();
         stored(&mut world, &mut mission);
         let items = compiled(&mut world, &mission);
-        let wanted = VehicleOperatingModeCommand::default();
-        let message = wanted.clone().into();
-        let input = Input::LoadAndFly {
-            origin: Some(origin(&message)),
-            route_type: Some(stanag_msgs::enums::RouteType::Flight),
-            command: Box::new(wanted),
-        };
+        let input = load_and_fly(Some(RouteType::Flight));
         handle(&mut world, &mut mission, input);
         // A mode on its way in must be seen first, and what waits for that needs no time.
         world.maneuver = true;
@@ -163,13 +168,7 @@ fn a_load_that_waited_takes_no_wing_off_its_final_approach() {
         let mut loaded = mission.store.uploaded.clone().expect("aboard");
         loaded.compiled.items.truncate(1);
         mission.store.loaded = Some(loaded);
-        let wanted = VehicleOperatingModeCommand::default();
-        let message = wanted.clone().into();
-        let input = Input::LoadAndFly {
-            origin: Some(origin(&message)),
-            route_type: None,
-            command: Box::new(wanted),
-        };
+        let input = load_and_fly(None);
         world.maneuver = true;
         handle(&mut world, &mut mission, input);
         handle(&mut world, &mut mission, Input::Advance);
@@ -206,23 +205,12 @@ fn a_vehicle_that_holds_a_route_whose_load_was_cancelled_or_failed_is_named_once
         let id = plan_id(&compiled(&mut world, &mission));
         world.vehicle.telemetry.mission = named(id + 1, 0);
         command(&mut world, &mut mission, transfer(Mode::Load));
-        let progress = Event::Progress {
-            operation: Operation::Upload,
-            done: 1,
-            total: 2,
-            percent: 50,
-        };
-        handle(&mut world, &mut mission, Input::ServiceEnded(progress));
+        first_item_taken(&mut world, &mut mission);
         handle(&mut world, &mut mission, Input::CompareWithVehicle);
         if cancelled {
             command(&mut world, &mut mission, transfer(Mode::Cancel));
         } else {
-            let failed = Event::Failed {
-                operation: Operation::Upload,
-                kind: MISSION,
-                reason: Failure::NoAnswer { seq: None },
-            };
-            ended(&mut world, &mut mission, Operation::Upload, failed);
+            upload_fails(&mut world, &mut mission, MISSION);
         }
         handle(&mut world, &mut mission, Input::CompareWithVehicle);
         let words = "the vehicle holds the route whose load was cancelled or has failed";
@@ -263,20 +251,9 @@ fn a_load_that_fails_half_way_says_that_the_earlier_route_is_not_flown() {
     };
     command(&mut world, &mut mission, higher);
     command(&mut world, &mut mission, transfer(Mode::Load));
-    let progress = Event::Progress {
-        operation: Operation::Upload,
-        done: 1,
-        total: 2,
-        percent: 50,
-    };
-    handle(&mut world, &mut mission, Input::ServiceEnded(progress));
+    first_item_taken(&mut world, &mut mission);
     world.sent_to(0);
-    let failed = Event::Failed {
-        operation: Operation::Upload,
-        kind: MISSION,
-        reason: Failure::NoAnswer { seq: None },
-    };
-    ended(&mut world, &mut mission, Operation::Upload, failed);
+    upload_fails(&mut world, &mut mission, MISSION);
     assert!(!is_loaded(&world, &mission));
     let (_, texts) = reports(&mut world);
     assert!(
@@ -294,21 +271,10 @@ fn a_later_load_that_ends_early_too_hides_no_route_that_the_vehicle_holds() {
     for first in [true, false] {
         command(&mut world, &mut mission, transfer(Mode::Load));
         if first {
-            let progress = Event::Progress {
-                operation: Operation::Upload,
-                done: 1,
-                total: 2,
-                percent: 50,
-            };
-            handle(&mut world, &mut mission, Input::ServiceEnded(progress));
+            first_item_taken(&mut world, &mut mission);
         }
         handle(&mut world, &mut mission, Input::CompareWithVehicle);
-        let failed = Event::Failed {
-            operation: Operation::Upload,
-            kind: MISSION,
-            reason: Failure::NoAnswer { seq: None },
-        };
-        ended(&mut world, &mut mission, Operation::Upload, failed);
+        upload_fails(&mut world, &mut mission, MISSION);
         handle(&mut world, &mut mission, Input::CompareWithVehicle);
     }
     reports(&mut world);
@@ -345,13 +311,7 @@ fn a_route_whose_load_for_a_mode_fails_is_named_unless_it_is_the_loaded_one() {
         }
         assert_eq!(mission.store.loaded.is_some(), is_loaded);
         world.vehicle.telemetry.mission = named(id + 1, 0);
-        let wanted = VehicleOperatingModeCommand::default();
-        let message = wanted.clone().into();
-        let input = Input::LoadAndFly {
-            origin: Some(origin(&message)),
-            route_type: (!is_loaded).then_some(stanag_msgs::enums::RouteType::Flight),
-            command: Box::new(wanted),
-        };
+        let input = load_and_fly((!is_loaded).then_some(RouteType::Flight));
         handle(&mut world, &mut mission, input);
         handle(&mut world, &mut mission, Input::Advance);
         if !is_loaded {

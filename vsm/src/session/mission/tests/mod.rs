@@ -17,7 +17,9 @@ use mavlink_link::dialect::MissionState;
 use mavlink_link::service::mission::{
     Event, Failure, Item, MavMissionType, Operation, plan_id, px4_read_back,
 };
-use stanag_msgs::enums::{AltitudeType, MissionPlanMode as Mode, MissionTransferStatus as Status};
+use stanag_msgs::enums::{
+    AltitudeType, MissionPlanMode as Mode, MissionTransferStatus as Status, RouteType,
+};
 use stanag_msgs::messages::{
     MissionTransferCommand, UaPositionWaypoint, UaRoute, VehicleOperatingModeCommand,
 };
@@ -83,6 +85,27 @@ fn transferred(
     opaque_id
 }
 
+/// An upload ends without an answer of the vehicle.
+fn upload_fails(world: &mut World, mission: &mut Mission, kind: MavMissionType) {
+    let failed = Event::Failed {
+        operation: Operation::Upload,
+        kind,
+        reason: Failure::NoAnswer { seq: None },
+    };
+    ended(world, mission, Operation::Upload, failed);
+}
+
+/// A route is to be uploaded for a mode that station 0 has commanded.
+fn load_and_fly(route_type: Option<RouteType>) -> Input<'static> {
+    let command = VehicleOperatingModeCommand::default();
+    let message = command.clone().into();
+    Input::LoadAndFly {
+        origin: Some(origin(&message)),
+        route_type,
+        command: Box::new(command),
+    }
+}
+
 /// What MISSION_CURRENT shows.
 fn named(mission_id: u32, fence_id: u32) -> Option<MissionProgress> {
     Some(MissionProgress {
@@ -104,6 +127,13 @@ fn circle() -> Area {
             radius_m: 500.0,
         },
     }
+}
+
+/// The items of an area alone.
+fn fence_items(area: &Area) -> Vec<Item> {
+    let areas = std::slice::from_ref(area);
+    let points = mapping::area::fence(areas, &[], &Holder::default()).expect("a fence");
+    points.iter().map(|point| point.item).collect()
 }
 
 /// What is begun for the fence or the rally points once the vehicle's link is up.
@@ -231,7 +261,7 @@ fn flying_to_a_landing(world: &mut World, mission: &mut Mission) {
             ..mapping::route::CompiledMission::default()
         },
         mission_id: 7,
-        route_type: stanag_msgs::enums::RouteType::Flight,
+        route_type: RouteType::Flight,
         mission_name: String::new(),
         plan: Plan::default(),
     });

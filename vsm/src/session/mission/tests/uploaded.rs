@@ -6,9 +6,7 @@ use super::*;
 
 /// The vehicle takes this area of the configuration, and has read it; returns the id of its fence.
 fn bounded(world: &mut World, mission: &mut Mission, area: Area) -> u32 {
-    let points = mapping::area::fence(std::slice::from_ref(&area), &[], &Holder::default())
-        .expect("a fence");
-    let items: Vec<Item> = points.iter().map(|point| point.item).collect();
+    let items = fence_items(&area);
     mission.set_areas(vec![area], world.now.mono);
     handle(world, mission, Input::WatchFence);
     let id = transferred(world, mission, FENCE, &items);
