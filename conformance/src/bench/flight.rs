@@ -124,6 +124,19 @@ pub fn mode_command(mode: i64) -> Draft {
     Draft::new(2016).raw("Select Flight Path Control Mode", mode)
 }
 
+/// Has the loaded route flown from this waypoint on.
+///
+/// # Errors
+/// Inconclusive where the vehicle does not enter mode 11; a fail where 3001 does not come at all.
+pub fn fly_from(t: &Trial, station: &Station, waypoint: i64) -> Judged {
+    let command = mode_command(mode::WAYPOINT).raw("Commanded Waypoint Number", waypoint);
+    station.send(command.acked());
+    if mode_becomes(station, mode::WAYPOINT, t.timers().begin)? {
+        return Ok(());
+    }
+    Err(Stop::inconclusive("mode 11 was not entered"))
+}
+
 /// A plan: route message and waypoints, in the order in which they are flown.
 #[derive(Clone, Debug)]
 pub struct Plan {

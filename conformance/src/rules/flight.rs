@@ -10,8 +10,8 @@ use std::time::Duration;
 use super::maneuver::circled;
 use super::scene::Scene;
 use crate::bench::flight::{
-    EARTH_M, Fix, Plan, airborne, clear, fix, fly_until, hold, home, loaded, mode, mode_becomes,
-    mode_command, reported_mode, stretch, to_number, wrapped,
+    EARTH_M, Fix, Plan, airborne, clear, fix, fly_from, fly_until, hold, home, loaded, mode,
+    mode_becomes, mode_command, reported_mode, stretch, to_number, wrapped,
 };
 use crate::bench::station::Station;
 use crate::bench::station::about;
@@ -414,14 +414,7 @@ fn the_uploaders_numbers(t: &Trial) -> Judged {
     let mut plan = Plan::zigzag(&home, "NUMBERS", &[10, 40, 20]);
     stretch(&home, &mut plan, 60.0);
     loaded(t, &a, &plan)?;
-    a.send(
-        mode_command(mode::WAYPOINT)
-            .raw("Commanded Waypoint Number", 10)
-            .acked(),
-    );
-    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
-        return Err(Stop::inconclusive("mode 11 was not entered"));
-    }
+    fly_from(t, &a, 10)?;
     let mark = t.bench.net.mark();
     let deadline = t.bench.net.now() + t.timers().flight.div_f64(3.0).min(Duration::from_secs(40));
     while t.bench.net.now() < deadline && reported_mode(&a)? == Some(mode::WAYPOINT) {
@@ -510,14 +503,7 @@ fn arrival_times_are_times_of_day(t: &Trial) -> Judged {
             .set("Waypoint to Longitude or Relative X", longitude);
     }
     loaded(t, &a, &plan)?;
-    a.send(
-        mode_command(mode::WAYPOINT)
-            .raw("Commanded Waypoint Number", 1)
-            .acked(),
-    );
-    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
-        return Err(Stop::inconclusive("mode 11 was not entered"));
-    }
+    fly_from(t, &a, 1)?;
     let speed = t.bench.profile.figures.speed_factor.max(0.1);
     to_becomes(t, &a, 2, t.timers().flight.div_f64(4.0))?;
     // In steady flight distance divided by speed is the time.
@@ -599,14 +585,7 @@ fn loiter_waypoints_are_flown(t: &Trial) -> Judged {
             .raw("Loiter Duration Units", 0),
     );
     loaded(t, &a, &plan)?;
-    a.send(
-        mode_command(mode::WAYPOINT)
-            .raw("Commanded Waypoint Number", 1)
-            .acked(),
-    );
-    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
-        return Err(Stop::inconclusive("mode 11 was not entered"));
-    }
+    fly_from(t, &a, 1)?;
     let speed = t.bench.profile.figures.speed_factor.max(0.1);
     let (latitude, longitude) = place(&plan, 2);
     // How long the vehicle stays near the second waypoint, in its own time.
@@ -710,14 +689,7 @@ fn altitude_type_is_honoured(t: &Trial) -> Judged {
             t.note(format!("altitude type {kind} is refused"));
             continue;
         }
-        a.send(
-            mode_command(mode::WAYPOINT)
-                .raw("Commanded Waypoint Number", 1)
-                .acked(),
-        );
-        if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
-            return Err(Stop::inconclusive("mode 11 was not entered"));
-        }
+        fly_from(t, &a, 1)?;
         let (latitude, longitude) = place(&plan, 2);
         let there = fly_until(t, &a, t.timers().flight.div_f64(2.0), |fix| {
             fix.distance(latitude, longitude) < 15.0 || (fix.altitude - home.altitude) < 12.0

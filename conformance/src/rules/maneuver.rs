@@ -6,8 +6,8 @@ use std::time::Duration;
 use super::mission::aboard;
 use super::scene::Scene;
 use crate::bench::flight::{
-    Fix, Plan, airborne, clear, fix, fly_until, hold, home, load, loaded, mode, mode_becomes,
-    mode_command, reported_mode, to_number, wrapped,
+    Fix, Plan, airborne, clear, fix, fly_from, fly_until, hold, home, load, loaded, mode,
+    mode_becomes, mode_command, reported_mode, to_number, wrapped,
 };
 use crate::bench::station::Station;
 use crate::bench::station::about;
@@ -229,14 +229,7 @@ fn closest(t: &Trial, a: &Station, turn: i64) -> Judged<f64> {
             .raw("Turn Type", turn);
     }
     loaded(t, a, &plan)?;
-    a.send(
-        mode_command(mode::WAYPOINT)
-            .raw("Commanded Waypoint Number", 1)
-            .acked(),
-    );
-    if !mode_becomes(a, mode::WAYPOINT, t.timers().begin)? {
-        return Err(Stop::inconclusive("mode 11 was not entered"));
-    }
+    fly_from(t, a, 1)?;
     let (latitude, longitude) = home.offset(corners[1].0, corners[1].1);
     let mut closest = f64::MAX;
     // The rule before may have left the vehicle far away or high up.
@@ -297,14 +290,7 @@ fn loops_by_limit_type_and_count(t: &Trial) -> Judged {
         t.note("a route with a loop is refused");
         return Ok(());
     }
-    a.send(
-        mode_command(mode::WAYPOINT)
-            .raw("Commanded Waypoint Number", 1)
-            .acked(),
-    );
-    if !mode_becomes(&a, mode::WAYPOINT, t.timers().begin)? {
-        return Err(Stop::inconclusive("mode 11 was not entered"));
-    }
+    fly_from(t, &a, 1)?;
     let mut order: Vec<i64> = Vec::new();
     let deadline = t.bench.net.now() + t.timers().flight;
     while t.bench.net.now() < deadline && order.last() != Some(&4) {
