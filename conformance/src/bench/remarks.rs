@@ -84,6 +84,16 @@ impl<S> Remarks<S> {
         self.expect(holds, reason)
     }
 
+    /// Fails where a message came that must not, with it as evidence.
+    ///
+    /// # Errors
+    /// The fail, with the reason.
+    pub fn expect_none(&self, seen: Option<Arc<S>>, reason: impl FnOnce(&S) -> String) -> Judged {
+        seen.map_or(Ok(()), |seen| {
+            self.expect_beside(&seen, false, || reason(&seen))
+        })
+    }
+
     /// What is reported without being judged.
     #[must_use]
     pub fn notes(&self) -> Vec<String> {

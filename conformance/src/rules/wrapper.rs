@@ -251,12 +251,9 @@ fn damaged_message_is_dropped(t: &Trial) -> Judged {
         }
     }
     let answer = a.wait(mark, t.timers().quiet, |seen| seen.kind() == 17000);
-    if let Some(answer) = answer {
-        t.cite(&answer);
-        return Err(Stop::fail(format!(
-            "expected nothing to a damaged 2017 (checksum styles {styles:?}); 17000 came"
-        )));
-    }
+    t.expect_none(answer, |_| {
+        format!("expected nothing to a damaged 2017 (checksum styles {styles:?}); 17000 came")
+    })?;
     let after = a.radius()?;
     t.expect(after == before, || format!("expected the loiter radius to stay {before:?} after damaged 2017s; 3004 shows {after:?}"))?;
     // A request for control with a wrong sum must grant nothing.

@@ -158,13 +158,12 @@ fn not_answered(t: &Trial<'_>, target: (u8, u8)) -> Judged {
     let answer = t.peer.wait(mark, t.quiet(), |seen| {
         (seen.frame.system, seen.frame.component) == own && is_ack(REQUEST_MESSAGE)(seen)
     });
-    if let Some(answer) = answer {
-        t.cite(&answer);
-        return Err(Stop::fail(format!(
+    t.expect_none(answer, |_| {
+        format!(
             "expected no answer to a command for {}/{}; the subject, {}/{}, acknowledged it",
             target.0, target.1, own.0, own.1
-        )));
-    }
+        )
+    })?;
     t.alive()
 }
 

@@ -473,12 +473,9 @@ fn request_out_of_range(t: &Trial<'_>) -> Judged {
         let item = t.peer.wait(mark, t.quiet(), |seen| {
             seen.frame.is("MISSION_ITEM_INT") && seen.frame.int("seq") == 7
         });
-        if let Some(item) = item {
-            t.cite(&item);
-            return Err(Stop::fail(
-                "expected no item 7 of a plan of two; one was sent",
-            ));
-        }
+        t.expect_none(item, |_| {
+            "expected no item 7 of a plan of two; one was sent".into()
+        })?;
         t.peer.send(&Draft::new("MISSION_ACK").to(t.bench.subject));
         // The disturbed transfer must have ended before the next begins.
         t.pause(t.quiet())?;

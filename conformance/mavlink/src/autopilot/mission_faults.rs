@@ -388,13 +388,9 @@ fn current_out_of_range(t: &Trial<'_>) -> Judged {
         let shown = t.peer.wait(mark, t.seconds(2.5), |seen| {
             seen.frame.is("MISSION_CURRENT") && seen.frame.int("seq") == 500
         });
-        if let Some(shown) = shown {
-            t.cite(&shown);
-            return Err(Stop::fail(
-                "MISSION_SET_CURRENT to item 500 of a plan of three: MISSION_CURRENT shows 500",
-            ));
-        }
-        Ok(())
+        t.expect_none(shown, |_| {
+            "MISSION_SET_CURRENT to item 500 of a plan of three: MISSION_CURRENT shows 500".into()
+        })
     })
 }
 

@@ -278,12 +278,9 @@ fn set_of_unknown_name(t: &Trial<'_>) -> Judged {
     t.alive()?;
     let mark = t.peer.send(&set(t, UNKNOWN, 1.0_f32.to_bits(), REAL32));
     let echo = t.peer.wait(mark, t.quiet(), named(UNKNOWN));
-    if let Some(echo) = echo {
-        t.cite(&echo);
-        return Err(Stop::fail(format!(
-            "expected no PARAM_VALUE after PARAM_SET of {UNKNOWN}, which does not exist"
-        )));
-    }
+    t.expect_none(echo, |_| {
+        format!("expected no PARAM_VALUE after PARAM_SET of {UNKNOWN}, which does not exist")
+    })?;
     t.alive()
 }
 
@@ -320,12 +317,9 @@ fn other_system(t: &Trial<'_>) -> Judged {
     let answer = t.peer.wait(mark, t.quiet(), |seen| {
         (seen.frame.system, seen.frame.component) == own && named(&name)(seen)
     });
-    if let Some(answer) = answer {
-        t.cite(&answer);
-        return Err(Stop::fail(format!(
-            "expected no answer to PARAM_REQUEST_READ for system {other}; the subject answered"
-        )));
-    }
+    t.expect_none(answer, |_| {
+        format!("expected no answer to PARAM_REQUEST_READ for system {other}; the subject answered")
+    })?;
     t.alive()
 }
 

@@ -165,15 +165,15 @@ fn all_refused(
     t.refuses(what, change)?;
     for (name, draft, answers) in requests(t) {
         let (mark, _) = t.peer.send_with(&draft, change);
-        if let Some(answer) = t.peer.wait(mark, t.quiet(), |seen| {
+        let answer = t.peer.wait(mark, t.quiet(), |seen| {
             (seen.frame.system, seen.frame.component) == t.bench.subject && answers(seen)
-        }) {
-            t.cite(&answer);
-            return Err(Stop::fail(format!(
+        });
+        t.expect_none(answer, |answer| {
+            format!(
                 "expected no answer to {name} as {what}; the subject answered with {}",
                 answer.frame.name()
-            )));
-        }
+            )
+        })?;
     }
     t.alive()
 }
@@ -223,15 +223,13 @@ fn version_one(t: &Trial<'_>) -> Judged {
     let sum = crate::wire::crc(bytes[1..].iter().copied().chain([craft.crc_extra]));
     bytes.extend(sum.to_le_bytes());
     let mark = t.peer.send_bytes(&bytes);
-    if let Some(answer) = t
+    let answer = t
         .peer
-        .wait(mark, t.quiet(), |seen| seen.frame.is("PARAM_VALUE"))
-    {
-        t.cite(&answer);
-        return Err(Stop::fail(
-            "expected no answer to a MAVLink 1 frame, which cannot be signed; the subject answered",
-        ));
-    }
+        .wait(mark, t.quiet(), |seen| seen.frame.is("PARAM_VALUE"));
+    t.expect_none(answer, |_| {
+        "expected no answer to a MAVLink 1 frame, which cannot be signed; the subject answered"
+            .into()
+    })?;
     t.alive()
 }
 
@@ -313,12 +311,12 @@ fn replays(t: &Trial<'_>) -> Judged {
     // The latest first: a receiver that stores only the first timestamp of a stream accepts all but the first again.
     for (which, (bytes, number)) in ["first", "second", "third"].into_iter().zip(&kept).rev() {
         let mark = t.peer.send_bytes(bytes);
-        if let Some(answer) = t.answered(&t.peer, mark, *number, t.quiet()) {
-            t.cite(&answer);
-            return Err(Stop::fail(format!(
-                "the {which} of three requests was sent again, byte by byte, and answered again: a replay is taken"
-            )));
-        }
+        t.expect_none(t.answered(&t.peer, mark, *number, t.quiet()), |_| {
+            format!(
+                "the {which} of three requests was sent again, byte by byte, and answered again: a \
+                 replay is taken"
+            )
+        })?;
     }
     t.alive()
 }
@@ -341,12 +339,11 @@ fn overtaken(t: &Trial<'_>) -> Judged {
             "the subject answers neither TIMESYNC nor PING: which of two frames it answered cannot be seen",
         ));
     }
-    if let Some(answer) = t.answered(&t.peer, mark, late_number, t.quiet()) {
-        t.cite(&answer);
-        return Err(Stop::fail(
-            "a frame whose timestamp is older than the last one of its stream was answered: a window for replays",
-        ));
-    }
+    t.expect_none(t.answered(&t.peer, mark, late_number, t.quiet()), |_| {
+        "a frame whose timestamp is older than the last one of its stream was answered: a window \
+         for replays"
+            .into()
+    })?;
     t.alive()
 }
 
@@ -450,12 +447,9 @@ fn old_new_stream(t: &Trial<'_>) -> Judged {
     let (mark, _) = old.send_with(&draft, |craft| {
         craft.stamp = craft.stamp.saturating_sub(120 * STAMP_HZ)
     });
-    if let Some(answer) = t.answered(&old, mark, number, t.quiet()) {
-        t.cite(&answer);
-        return Err(Stop::fail(
-            "a new stream that begins two minutes in the past was answered: the limit is 60 s",
-        ));
-    }
+    t.expect_none(t.answered(&old, mark, number, t.quiet()), |_| {
+        "a new stream that begins two minutes in the past was answered: the limit is 60 s".into()
+    })?;
     t.alive()
 }
 
@@ -538,12 +532,11 @@ fn own_identity(t: &Trial<'_>) -> Judged {
         .from_subject(mark, |seen| seen.frame.is("PARAM_VALUE"))
         .first()
         .cloned();
-    if let Some(answer) = answer {
-        t.cite(&answer);
-        return Err(Stop::fail(
-            "a signed request in the subject's own name was answered: what it sends may come back to it and verify",
-        ));
-    }
+    t.expect_none(answer, |_| {
+        "a signed request in the subject's own name was answered: what it sends may come back to \
+         it and verify"
+            .into()
+    })?;
     t.expect(t.answers(&t.peer), || {
         "after its own frames came back to it the subject answers honest frames no more".into()
     })
@@ -567,12 +560,9 @@ fn own_command(t: &Trial<'_>) -> Judged {
         })
         .first()
         .cloned();
-    if let Some(answer) = answer {
-        t.cite(&answer);
-        return Err(Stop::fail(
-            "a signed command in the subject's own name, system and component, was carried out",
-        ));
-    }
+    t.expect_none(answer, |_| {
+        "a signed command in the subject's own name, system and component, was carried out".into()
+    })?;
     t.alive()
 }
 
@@ -605,12 +595,9 @@ fn forwarded_stranger(t: &Trial<'_>) -> Judged {
     ] {
         let (mark, _) = foreign.send_with(&vehicle, change);
         t.pause(t.quiet())?;
-        if let Some(seen) = seen_there(mark) {
-            t.cite(&seen);
-            return Err(Stop::fail(format!(
-                "a stranger's {what} HEARTBEAT was forwarded to the other link"
-            )));
-        }
+        t.expect_none(seen_there(mark), |_| {
+            format!("a stranger's {what} HEARTBEAT was forwarded to the other link")
+        })?;
     }
     t.alive()
 }
@@ -635,12 +622,11 @@ fn badly_signed_heartbeat(t: &Trial<'_>) -> Judged {
         let regained = t.peer.wait(mark, Duration::from_secs(3), |seen| {
             (seen.frame.system, seen.frame.component) == own && lost(seen)
         });
-        if let Some(regained) = regained {
-            t.cite(&regained);
-            return Err(Stop::fail(
-                "a HEARTBEAT with a wrong signature counts as the ground station's: the loss of the link is not noticed",
-            ));
-        }
+        t.expect_none(regained, |_| {
+            "a HEARTBEAT with a wrong signature counts as the ground station's: the loss of the \
+             link is not noticed"
+                .into()
+        })?;
         let mark = t.peer.send(&station_heartbeat());
         let text = t.peer.wait(mark, Duration::from_secs(3), lost);
         if text.is_none() {
@@ -779,13 +765,9 @@ fn replay_after_restart(t: &Trial<'_>) -> Judged {
             return Ok(());
         };
         let mark = t.peer.send_bytes(bytes);
-        if let Some(answer) = t.answered(&t.peer, mark, *number, t.answer()) {
-            t.cite(&answer);
-            return Err(Stop::fail(
-                "a request from before the restart was sent again, byte by byte, and answered",
-            ));
-        }
-        Ok(())
+        t.expect_none(t.answered(&t.peer, mark, *number, t.answer()), |_| {
+            "a request from before the restart was sent again, byte by byte, and answered".into()
+        })
     });
     resume(t);
     judged?;

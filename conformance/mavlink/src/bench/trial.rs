@@ -239,13 +239,13 @@ impl<'a> Trial<'a> {
         self.alive()?;
         let (draft, number) = self.probe();
         let (mark, _) = self.peer.send_with(&draft, change);
-        if let Some(seen) = self.answered(&self.peer, mark, number, self.quiet()) {
-            self.cite(&seen);
-            return Err(Stop::fail(format!(
+        let answer = self.answered(&self.peer, mark, number, self.quiet());
+        self.expect_none(answer, |seen| {
+            format!(
                 "expected no answer to {what}; the subject answered it with {}",
                 seen.frame.name()
-            )));
-        }
+            )
+        })?;
         if self.answers(&self.peer) {
             Ok(())
         } else {
