@@ -17,7 +17,7 @@ use super::json_line::Document;
 use super::lines::Lines;
 use super::losses::Losses;
 use super::{attributes, lost};
-use crate::fence::{Area, Keep, Shape};
+use crate::fence::{Keep, Shape};
 
 /// Reads the lines of a document, or else its Points.
 pub(super) fn read(file: &Path, text: &str) -> Result<Lines, FormatError> {
@@ -138,15 +138,8 @@ impl Found<'_> {
             }
             return Ok(());
         };
-        let mut points = self.positions(&rings[0], &at)?;
-        open_ring(&mut points);
-        let vertices = points
-            .iter()
-            .map(|p| [p.position.lat_deg, p.position.lon_deg]);
-        self.lines.areas.push(Area {
-            keep,
-            shape: Shape::Polygon(vertices.collect()),
-        });
+        let ring = self.positions(&rings[0], &at)?;
+        self.lines.push_polygon(keep, ring);
         Ok(())
     }
 
@@ -157,13 +150,7 @@ impl Found<'_> {
                 let problem = format!("{}, expected a number of metres", owner["radius_m"]);
                 FormatError::at(self.file, point.line, "radius_m", problem)
             })?;
-            self.lines.areas.push(Area {
-                keep,
-                shape: Shape::Circle {
-                    centre: [point.position.lat_deg, point.position.lon_deg],
-                    radius_m,
-                },
-            });
+            self.lines.push_circle(keep, point.position, radius_m);
         } else if owner["rally"] == true {
             if !owner[ALTITUDE_TYPE].is_null() && self.datum(owner, path)? != Datum::Home {
                 let problem = "expected \"agl\": heights of rally points are above home";

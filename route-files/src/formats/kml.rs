@@ -19,7 +19,7 @@ use super::lines::Lines;
 use super::losses::Losses;
 use super::xml::{self, Node, escaped};
 use super::{attributes, lost};
-use crate::fence::{Area, Keep, Shape};
+use crate::fence::{Keep, Shape};
 
 /// The KML within a KMZ: `doc.kml`, or else the first one.
 /// `most`: bytes that it may unpack to.
@@ -204,14 +204,7 @@ impl Found<'_> {
         for coordinates in ring.all("coordinates") {
             self.tuples(coordinates, &mut points)?;
         }
-        open_ring(&mut points);
-        let vertices = points
-            .iter()
-            .map(|p| [p.position.lat_deg, p.position.lon_deg]);
-        self.lines.areas.push(Area {
-            keep,
-            shape: Shape::Polygon(vertices.collect()),
-        });
+        self.lines.push_polygon(keep, points);
         Ok(())
     }
 
@@ -228,13 +221,7 @@ impl Found<'_> {
             let radius = owner.get("radius_m").unwrap_or_default();
             let radius_m = attributes::number(radius)
                 .map_err(|e| FormatError::at(self.file, Some(shape.line), "radius_m", e))?;
-            self.lines.areas.push(Area {
-                keep,
-                shape: Shape::Circle {
-                    centre: [position.lat_deg, position.lon_deg],
-                    radius_m,
-                },
-            });
+            self.lines.push_circle(keep, position, radius_m);
             return Ok(());
         }
         if owner.get("rally").is_some() {

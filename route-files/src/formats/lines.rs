@@ -5,10 +5,10 @@ use std::path::Path;
 use clap::Args;
 use curve_paths::Position;
 
-use super::draft::Draft;
+use super::draft::{Draft, Point, open_ring};
 use super::fault::FormatError;
 use super::losses::points;
-use crate::fence::Area;
+use crate::fence::{Area, Keep, Shape};
 
 /// Which line of a file that has several.
 #[derive(Clone, Debug, Default, Args)]
@@ -39,6 +39,22 @@ impl Lines {
         }
         self.lines.push(line);
         Ok(())
+    }
+
+    /// An area of the geofence within a ring.
+    pub(super) fn push_polygon(&mut self, keep: Keep, mut ring: Vec<Point>) {
+        open_ring(&mut ring);
+        let positions = ring.iter().map(|point| point.position);
+        let vertices = positions.map(|at| [at.lat_deg, at.lon_deg]);
+        let shape = Shape::Polygon(vertices.collect());
+        self.areas.push(Area { keep, shape });
+    }
+
+    /// One around a place.
+    pub(super) fn push_circle(&mut self, keep: Keep, centre: Position, radius_m: f64) {
+        let centre = [centre.lat_deg, centre.lon_deg];
+        let shape = Shape::Circle { centre, radius_m };
+        self.areas.push(Area { keep, shape });
     }
 
     /// The requested line, or the first; the others, and the points beside it, are named as lost.
