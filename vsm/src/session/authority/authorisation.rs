@@ -26,15 +26,7 @@ impl AuthorityMachine {
         let levels = request.requested_handover_loi.unwrap_or(LoiBitmap::NONE);
         // A release is always granted, whatever else the message requests.
         if let (false, Err(why)) = (releases(request), understood(context, request, levels)) {
-            self.answer(context, origin.station, Some(request), effects);
-            effects.explain_refusal(
-                origin.station,
-                format!(
-                    "message {} refused: {why}",
-                    table::named(CucsAuthorisationRequest::ID)
-                ),
-            );
-            return AckType::Refused;
+            return self.refuse(context, origin.station, request, &why, effects);
         }
         let stations = Stations::from_bitmaps(
             request.controlled_station_1_16,
@@ -138,14 +130,20 @@ impl AuthorityMachine {
             }
             _ => return self.question(context, origin.station, request, effects),
         };
-        self.answer(context, origin.station, Some(request), effects);
-        effects.explain_refusal(
-            origin.station,
-            format!(
-                "message {} refused: {why}",
-                table::named(CucsAuthorisationRequest::ID)
-            ),
-        );
+        self.refuse(context, origin.station, request, why, effects)
+    }
+
+    fn refuse(
+        &self,
+        context: &Context<'_>,
+        station: usize,
+        request: &CucsAuthorisationRequest,
+        why: &str,
+        effects: &mut Effects<'_>,
+    ) -> AckType {
+        self.answer(context, station, Some(request), effects);
+        let name = table::named(CucsAuthorisationRequest::ID);
+        effects.explain_refusal(station, format!("message {name} refused: {why}"));
         AckType::Refused
     }
 
