@@ -219,16 +219,14 @@ pub(super) async fn send(
     unicast: Rc<UdpSocket>,
     group: Option<(Rc<UdpSocket>, SocketAddr)>,
 ) {
-    // An IPv6 socket reaches an IPv4 address only in mapped form.
-    let takes_both = unicast.local_addr().is_ok_and(|here| here.is_ipv6());
-    let reached = |to: SocketAddr| match to {
-        SocketAddr::V4(v4) if takes_both => {
-            SocketAddr::new(v4.ip().to_ipv6_mapped().into(), v4.port())
-        }
-        to => to,
+    let sockets = DliSockets {
+        takes_both: unicast.local_addr().is_ok_and(|here| here.is_ipv6()),
+        unicast,
+        group,
     };
+    let unicast = &sockets.unicast;
     let mut guarded = [0; MAX_GUARDED];
-    let mut batch = Batch::new(&unicast);
+    let mut batch = Batch::new(unicast);
     // Before the runtime has polled a socket once, `try_send` on it always fails.
     let _ = unicast.writable().await;
     let writers: Vec<_> = shared.core.borrow().writers.clone();
@@ -239,7 +237,7 @@ pub(super) async fn send(
         beat.during(async {
             tokio::select! {
                 () = shared.outgoing.notified() => {}
-                () = batch.room(&unicast) => {}
+                () = batch.room(unicast) => {}
             }
         })
         .await;
@@ -278,57 +276,82 @@ pub(super) async fn send(
             }
             let lift = shared.core.borrow_mut().bridge.poll_lift();
             if let Some((to, bytes)) = lift {
-                if let Err(cause) = unicast.try_send_to(&bytes, reached(to)) {
+                if let Err(cause) = unicast.try_send_to(&bytes, sockets.reached(to)) {
                     tracing::debug!("a datagram to a guard was not sent: {cause}");
                 }
                 continue;
             }
-            if batch.is_full() && !send_batch(&mut batch, &unicast, &shared) {
+            if batch.is_full() && !send_batch(&mut batch, unicast, &shared) {
                 send_forwards(&shared);
                 break;
             }
             // Bound to a name so that the borrow of the core ends here.
             let datagram = shared.core.borrow_mut().bridge.poll_dli();
             let Some(datagram) = datagram else {
-                send_batch(&mut batch, &unicast, &shared);
+                send_batch(&mut batch, unicast, &shared);
                 send_forwards(&shared);
                 break;
             };
-            let (socket, to) = match (datagram.to, &group) {
-                (Destination::Unicast(to), _) => (&unicast, to),
-                (Destination::Multicast, Some((socket, group))) => (socket, *group),
-                (Destination::Multicast, None) => continue,
-            };
-            if tracing::enabled!(tracing::Level::DEBUG) {
-                write_log(&shared.core.borrow().bridge.trace_dli(to, &datagram));
+            sockets.send(&shared, &datagram, &mut batch, &mut guarded);
+        }
+    }
+}
+
+/// The sockets towards stations.
+struct DliSockets {
+    unicast: Rc<UdpSocket>,
+    group: Option<(Rc<UdpSocket>, SocketAddr)>,
+    /// An IPv6 socket reaches an IPv4 address only in mapped form.
+    takes_both: bool,
+}
+
+impl DliSockets {
+    fn reached(&self, to: SocketAddr) -> SocketAddr {
+        match to {
+            SocketAddr::V4(v4) if self.takes_both => {
+                SocketAddr::new(v4.ip().to_ipv6_mapped().into(), v4.port())
             }
-            if let Some(recording) = &mut shared.core.borrow_mut().dli_recording
-                && let Ok(here) = socket.local_addr()
-            {
-                recording.sent(shared.clock.now().wall, here, to, datagram.bytes());
-            }
-            // Only after the recording, which holds web traffic too.
-            if pass_to_web(&shared, &datagram) {
-                continue;
-            }
-            let to = match datagram.to {
-                Destination::Multicast => to,
-                Destination::Unicast(to) => reached(to),
-            };
-            let bytes = {
-                let mut core = shared.core.borrow_mut();
-                let Core { bridge, store, .. } = &mut *core;
-                bridge.sealed(shared.clock.now(), &datagram, &mut guarded, store)
-            };
-            // The bridge has counted a datagram without a key.
-            let Some(bytes) = bytes else { continue };
-            if let Destination::Unicast(_) = datagram.to {
-                batch.add(to, bytes);
-                continue;
-            }
-            if let Err(cause) = socket.try_send_to(bytes, to) {
-                tracing::debug!("a datagram to a CUCS was not sent: {cause}");
-            }
+            to => to,
+        }
+    }
+
+    /// Sends a datagram to the group, or adds it to the batch of those to stations.
+    fn send(
+        &self,
+        shared: &Shared,
+        datagram: &Datagram,
+        batch: &mut Batch,
+        guarded: &mut [u8; MAX_GUARDED],
+    ) {
+        let (socket, to) = match (datagram.to, &self.group) {
+            (Destination::Unicast(to), _) => (&self.unicast, to),
+            (Destination::Multicast, Some((socket, group))) => (socket, *group),
+            (Destination::Multicast, None) => return,
+        };
+        if tracing::enabled!(tracing::Level::DEBUG) {
+            write_log(&shared.core.borrow().bridge.trace_dli(to, datagram));
+        }
+        if let Some(recording) = &mut shared.core.borrow_mut().dli_recording
+            && let Ok(here) = socket.local_addr()
+        {
+            recording.sent(shared.clock.now().wall, here, to, datagram.bytes());
+        }
+        // Only after the recording, which holds web traffic too.
+        if pass_to_web(shared, datagram) {
+            return;
+        }
+        let bytes = {
+            let mut core = shared.core.borrow_mut();
+            let Core { bridge, store, .. } = &mut *core;
+            bridge.sealed(shared.clock.now(), datagram, guarded, store)
+        };
+        // The bridge has counted a datagram without a key.
+        let Some(bytes) = bytes else { return };
+        if let Destination::Unicast(to) = datagram.to {
+            return batch.add(self.reached(to), bytes);
+        }
+        if let Err(cause) = socket.try_send_to(bytes, to) {
+            tracing::debug!("a datagram to a CUCS was not sent: {cause}");
         }
     }
 }
