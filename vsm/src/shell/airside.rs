@@ -252,14 +252,7 @@ impl AirsideServer {
                 received = px4_rest.before(self.px4.0.receive(&mut from_px4)) => match received {
                     Ok((length, from)) => {
                         let bytes = from_px4.get(..length).unwrap_or_default();
-                        let now = self.clock.now();
-                        let trace = self.begin_trace(Side::Px4);
-                        if self.px4_peers.admits(now.mono, from) {
-                            self.agent.handle_px4(now, from, bytes, &mut self.disk);
-                        } else {
-                            self.agent.count_held_back(FOREIGN);
-                        }
-                        self.end_trace(trace, from, bytes);
+                        self.take_px4(from, bytes);
                     }
                     Err(cause) => px4_rest.begin("PX4's link", &cause),
                 },
@@ -332,6 +325,17 @@ impl AirsideServer {
             self.end_trace(trace, from, bytes);
         }
         self.encryption = encryption;
+    }
+
+    fn take_px4(&mut self, from: Peer, bytes: &[u8]) {
+        let now = self.clock.now();
+        let trace = self.begin_trace(Side::Px4);
+        if self.px4_peers.admits(now.mono, from) {
+            self.agent.handle_px4(now, from, bytes, &mut self.disk);
+        } else {
+            self.agent.count_held_back(FOREIGN);
+        }
+        self.end_trace(trace, from, bytes);
     }
 
     /// For a log that shows each datagram.
