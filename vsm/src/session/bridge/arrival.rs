@@ -204,22 +204,8 @@ impl Bridge {
             held: None,
             continues: None,
         };
-        let profile = &mut self.stations[index].profile;
-        profile.note(&header);
-        let message = match profile.readings.decode(header.message_type, frame.data) {
-            Ok(message) => message,
-            Err(fault) => {
-                let known = table::message(header.message_type).is_some();
-                self.counters.count(if known {
-                    "undecodable"
-                } else {
-                    "unknown message type"
-                });
-                let why = why_no_layout(header.message_type).unwrap_or_else(|| fault.to_string());
-                self.note_undecodable(now.mono, index, header.message_type.into(), &why);
-                self.refuse(now, &origin, header.destination, why, disk);
-                return false;
-            }
+        let Some(message) = self.decode(now, &origin, frame, disk) else {
+            return false;
         };
         origin.continues = made_of.and_then(|made| match made.number {
             DEMAND => Some(Continues::Demand(values_of(&message))),
@@ -232,8 +218,7 @@ impl Bridge {
         {
             self.counters.count("wrong direction");
             let why = "message is VSM to CUCS only".to_owned();
-            self.note_undecodable(now.mono, index, header.message_type.into(), &why);
-            self.refuse(now, &origin, header.destination, why, disk);
+            self.refuse_undecodable(now, &origin, header.destination, why, disk);
             return false;
         }
         if made_of.is_none() {
@@ -291,6 +276,44 @@ impl Bridge {
         self.dispatch(now, origin, header.destination, &message, disk);
         self.forget_heartbeats(now.mono);
         true
+    }
+
+    /// The message of a frame, as its station writes it; one that is none is refused.
+    fn decode(
+        &mut self,
+        now: Now,
+        origin: &Origin,
+        frame: &Frame<'_>,
+        disk: &mut dyn Disk,
+    ) -> Option<Message> {
+        let header = &frame.header;
+        let profile = &mut self.stations[origin.station].profile;
+        profile.note(header);
+        let fault = match profile.readings.decode(header.message_type, frame.data) {
+            Ok(message) => return Some(message),
+            Err(fault) => fault,
+        };
+        self.counters
+            .count(match table::message(header.message_type) {
+                Some(_) => "undecodable",
+                None => "unknown message type",
+            });
+        let why = why_no_layout(header.message_type).unwrap_or_else(|| fault.to_string());
+        self.refuse_undecodable(now, origin, header.destination, why, disk);
+        None
+    }
+
+    fn refuse_undecodable(
+        &mut self,
+        now: Now,
+        origin: &Origin,
+        destination: Id,
+        why: String,
+        disk: &mut dyn Disk,
+    ) {
+        let message_type = origin.message_type.into();
+        self.note_undecodable(now.mono, origin.station, message_type, &why);
+        self.refuse(now, origin, destination, why, disk);
     }
 
     /// A message of a station is dropped for what it is, and not for what it commands.
