@@ -85,7 +85,7 @@ pub const WITHOUT_CODE: &[(&str, &str)] = &[(
 )];
 
 /// Rules that name Edition 2.5 and cannot be judged there by playing, with the reason.
-pub const NOT_IN_25: &[(&str, &str)] = &[
+const NOT_IN_25: &[(&str, &str)] = &[
     (
         "CURVE-005",
         "the private messages 50001 and 50002 have no form in Edition 2.5, whose private types are 2000 to 2399",

@@ -289,7 +289,9 @@ impl<A: Copy + Eq> KeyRollover<A> {
     /// it has restarted.
     #[must_use]
     pub fn is_dragged(&self) -> bool {
-        self.clock_is_dragged()
+        // Frames under the old key are stamped further ahead than can be followed, so none proves to be newer than a timestamp
+        // of ours. The key is sent again: it comes with a new initial timestamp, which repairs that.
+        self.config.may_send_key && self.seen.future >= 2
     }
 
     /// Holds the new key back, or no longer: while it is not durable it is not sent. All else continues.
@@ -423,14 +425,14 @@ impl<A: Copy + Eq> KeyRollover<A> {
                 }
             }
             State::Sent if in_state >= SETTLE && !self.setup_due => {
-                if self.not_taken(mono) || self.clock_is_dragged() {
+                if self.not_taken(mono) || self.is_dragged() {
                     self.again(mono);
                 } else {
                     self.enter(State::Unknown, mono);
                 }
             }
             State::Unknown if self.not_taken(mono) => self.again(mono),
-            State::Unknown if self.clock_is_dragged() => {
+            State::Unknown if self.is_dragged() => {
                 if in_state >= ASK_FAST_FOR {
                     self.tries = 0;
                 }
@@ -462,15 +464,8 @@ impl<A: Copy + Eq> KeyRollover<A> {
     /// Whether frames prove that the vehicle has not taken the key: two under the old key that are newer
     /// than what could still have been in flight, or two unsigned where nothing verifies. A rollover that may not send
     /// the key concludes nothing from unsigned frames: it could not give the key to a vehicle that has none.
-    pub(super) fn not_taken(&self, mono: Duration) -> bool {
+    fn not_taken(&self, mono: Duration) -> bool {
         self.seen.old_newer >= 2 || (self.config.may_send_key && self.vehicle_is_open(mono))
-    }
-
-    /// Frames under the old key are stamped further ahead than can be followed, so none proves to be newer than a
-    /// timestamp of ours. The key is sent again: it comes
-    /// with a new initial timestamp, which repairs that.
-    pub(super) fn clock_is_dragged(&self) -> bool {
-        self.config.may_send_key && self.seen.future >= 2
     }
 
     /// The vehicle sends unsigned frames other than heartbeats: it has no key, or has lost it.
@@ -496,7 +491,7 @@ impl<A: Copy + Eq> KeyRollover<A> {
             self.enter(State::WaitDisarm, mono);
         } else if self.seen.old_newer >= 2 {
             self.enter(State::RolledBack, mono);
-        } else if self.clock_is_dragged() {
+        } else if self.is_dragged() {
             // Frames that far ahead can be replays, so nothing is given up; retried later.
             self.enter(State::Unknown, mono);
         } else {

@@ -77,7 +77,7 @@ const MISSION_START: u16 = 300;
 /// A command that no dialect defines.
 const UNKNOWN: u16 = 59_999;
 
-pub(super) const RESULTS: [&str; 10] = [
+const RESULTS: [&str; 10] = [
     "ACCEPTED",
     "TEMPORARILY_REJECTED",
     "DENIED",

@@ -425,7 +425,7 @@ impl Vehicle {
             .queue(MavSeverity::MAV_SEVERITY_CRITICAL, format!("{text}\t"));
     }
 
-    pub(crate) fn take_notes(&mut self, notes: Vec<Note>) {
+    fn take_notes(&mut self, notes: Vec<Note>) {
         for note in notes {
             match note {
                 Note::Info(text) => self.texts.queue(MavSeverity::MAV_SEVERITY_INFO, text),

@@ -203,7 +203,7 @@ impl Path {
 
     /// Whether a timer challenges it. It does so often enough that only five losses in a row leave a station that sends
     /// nothing more without an answer. This uses the rest of its credit: after the second challenge answers go first.
-    pub(super) fn may_be_asked(&self) -> bool {
+    fn may_be_asked(&self) -> bool {
         self.rounds > 0 || self.pause <= 16 * FIRST_PAUSE
     }
 }

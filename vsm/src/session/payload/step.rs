@@ -419,7 +419,7 @@ impl Slew {
         inertial: false,
     };
 
-    pub(super) fn is_still(self) -> bool {
+    fn is_still(self) -> bool {
         self.up == 0.0 && self.right == 0.0
     }
 
