@@ -105,7 +105,9 @@ impl Compact {
             }
             Compact::Place(name) => {
                 let new = beside(folder, &name);
-                let placed = system.rename(&new, &folder.join(&name));
+                // Otherwise a power cut could leave the name on an empty file: what was logged long before would be lost.
+                let placed = system.sync(&new);
+                let placed = placed.and_then(|()| system.rename(&new, &folder.join(&name)));
                 if placed.is_err() {
                     let _ = system.remove(&new);
                 }

@@ -235,11 +235,9 @@ impl Writer<'_> {
             return Ok(());
         }
         let (beside, path) = (self.beside(name), self.path(name));
+        // Whatever it must survive: a power cut leaves the old content or the new one, never an empty file.
         let done = self.system.write(&beside, content);
-        let done = done.and_then(|()| match power {
-            true => self.system.sync(&beside),
-            false => Ok(()),
-        });
+        let done = done.and_then(|()| self.system.sync(&beside));
         *written = match done {
             Ok(()) => Written::Beside,
             Err(cause) => {
