@@ -8,11 +8,12 @@ use std::time::Duration;
 
 use mapping::telemetry::MissionProgress;
 use mavlink_link::service::mission::{Item, MavMissionType, plan_id};
+use mavlink_link::store::{Changes, Progress};
 
 use super::input::Context;
 use super::upload::Upload;
 use crate::session::context::WATCH_SLACK;
-use crate::session::link::services::Services;
+use crate::session::effects::Effects;
 
 /// The state of these items.
 #[derive(Debug)]
@@ -76,10 +77,10 @@ impl Kept {
         self.postponed = false;
     }
 
-    /// When a check is next due. `upload`: the upload in progress.
-    pub(super) fn poll_timeout(&self, upload: Option<&Upload>) -> Option<Duration> {
+    /// When a check is next due. `upload`: the upload in progress, if it has begun: the disk has its own wake-up.
+    pub(super) fn poll_timeout(&self, upload: Option<Option<&Upload>>) -> Option<Duration> {
         let due = match upload {
-            Some(upload) => upload.poll_timeout(),
+            Some(upload) => upload.and_then(Upload::poll_timeout),
             None => self.look_at.filter(|_| self.wanted && !self.postponed),
         };
         due.map(|due| due + WATCH_SLACK)
@@ -105,20 +106,30 @@ impl Kept {
         same
     }
 
-    /// Begins to upload the items, or to clear them if there are none.
+    /// Begins to upload the items, or to clear them if there are none; `None` while it is not on the disk yet that the vehicle
+    /// may hold them (`stored`): a restart in between would take them for the vehicle's own.
     pub(super) fn send(
         &self,
-        now: Duration,
+        (now, stored): (Duration, Changes),
         items: &[Item],
-        vehicle: &mut Services,
-    ) -> Result<Upload, String> {
+        effects: &mut Effects<'_>,
+    ) -> Result<Option<Upload>, String> {
+        match effects.disk().progress(stored) {
+            Progress::Durable => {}
+            Progress::Waiting => return Ok(None),
+            Progress::Failing => {
+                return Err("what the vehicle holds cannot be stored".to_owned());
+            }
+        }
         // Without items there is nothing to read back, and no id to wait for.
         let begun = if items.is_empty() {
-            Upload::clear(now, self.kind, vehicle)
+            Upload::clear(now, self.kind, effects.vehicle)
         } else {
-            Upload::send(now, self.kind, items, vehicle)
+            Upload::send(now, self.kind, items, effects.vehicle)
         };
-        begun.map_err(|fault| format!("the mission service is {fault}"))
+        begun
+            .map(Some)
+            .map_err(|fault| format!("the mission service is {fault}"))
     }
 
     /// The vehicle holds them, confirmed by read-back, and reports this id.

@@ -1,13 +1,13 @@
 //! The rally points of one vehicle: those of the configuration, uploaded, read back and compared like the fence.
 //!
-//! Before any point is uploaded, it is stored that the vehicle may hold points of this VSM. So points removed from the
+//! No point is uploaded before it is stored that the vehicle may hold points of this VSM. So points removed from the
 //! configuration are cleared on the vehicle after a restart too.
 
 use std::time::Duration;
 
 use mapping::rally::{self, RallyPoint};
 use mavlink_link::service::mission::{self, Item, MavMissionType};
-use mavlink_link::store::{Store as _, StoreError};
+use mavlink_link::store::{Changes, Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 
 use super::input::Context;
@@ -23,8 +23,8 @@ pub(super) struct Rally {
     points: Vec<RallyPoint>,
     kept: Kept,
     work: Option<Work>,
-    /// The record as it is on disk.
-    stored: Record,
+    /// The record as it is on disk, and the change that has written it.
+    stored: (Record, Changes),
     /// Since when the vehicle has reported points although the configuration has none.
     strange_since: Option<Duration>,
 }
@@ -33,7 +33,8 @@ pub(super) struct Rally {
 struct Work {
     /// What is sent and read back: the points of the configuration may change meanwhile.
     items: Vec<Item>,
-    upload: Upload,
+    /// `None` until it is stored that the vehicle may hold points of this VSM.
+    upload: Option<Upload>,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,7 +43,7 @@ struct Record {
     wanted: bool,
 }
 
-vehicle_record!(Record, "rally", Process);
+vehicle_record!(Record, "rally", Answered);
 
 impl Rally {
     /// With the points of the configuration.
@@ -51,7 +52,7 @@ impl Rally {
             kept: Kept::new(KIND, !points.is_empty()),
             points,
             work: None,
-            stored: Record::default(),
+            stored: (Record::default(), Changes::NONE),
             strange_since: None,
         }
     }
@@ -62,19 +63,20 @@ impl Rally {
     /// The record exists but cannot be read.
     pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let vehicle = effects.id;
-        self.stored = effects.disk().load(&vehicle)?.unwrap_or_default();
+        self.stored.0 = effects.disk().load(&vehicle)?.unwrap_or_default();
         // Without points in the configuration they are cleared.
-        self.kept.wanted |= self.stored.wanted;
+        self.kept.wanted |= self.stored.0.wanted;
         Ok(())
     }
 
     fn store(&mut self, wanted: bool, effects: &mut Effects<'_>) -> Result<(), String> {
         let record = Record { wanted };
-        if self.stored != record {
-            let vehicle = effects.id;
+        if self.stored.0 != record {
+            let (vehicle, after) = (effects.id, effects.disk().queued());
             let saved = effects.disk().save(&vehicle, &record);
             saved.map_err(|fault| format!("what the vehicle holds cannot be stored: {fault}"))?;
-            self.stored = record;
+            let until = effects.disk().queued();
+            self.stored = (record, Changes { after, until });
         }
         Ok(())
     }
@@ -97,8 +99,8 @@ impl Rally {
 
     /// The bridge did not run for so long: what the vehicle has reported meanwhile is not read yet.
     pub(super) fn postpone(&mut self, stopped: Duration) {
-        if let Some(work) = &mut self.work {
-            work.upload.postpone(stopped);
+        if let Some(upload) = self.work.as_mut().and_then(|work| work.upload.as_mut()) {
+            upload.postpone(stopped);
         }
     }
 
@@ -112,6 +114,11 @@ impl Rally {
         self.work.is_some()
     }
 
+    /// Whether their upload waits for the disk.
+    pub(super) fn awaits_disk(&self) -> bool {
+        self.work.as_ref().is_some_and(|work| work.upload.is_none())
+    }
+
     /// The id under which the vehicle was read back to hold them.
     pub(super) fn id(&self) -> Option<u32> {
         self.kept.id().filter(|_| !self.busy())
@@ -119,7 +126,7 @@ impl Rally {
 
     /// When [`Rally::watch`] is next due.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
-        let upload = self.work.as_ref().map(|work| &work.upload);
+        let upload = self.work.as_ref().map(|work| work.upload.as_ref());
         self.kept.poll_timeout(upload)
     }
 
@@ -130,7 +137,11 @@ impl Rally {
         event: &mission::Event,
         effects: &mut Effects<'_>,
     ) -> bool {
-        let Some(Work { items, upload }) = &mut self.work else {
+        let Some(Work {
+            items,
+            upload: Some(upload),
+        }) = &mut self.work
+        else {
             return false;
         };
         let progress = upload.handle(context.mono(), event, items, effects.vehicle);
@@ -145,10 +156,13 @@ impl Rally {
         may_change: bool,
         effects: &mut Effects<'_>,
     ) {
-        if let Some(work) = &self.work {
+        if let Some(work) = self.work.take_if(|work| work.upload.is_none()) {
+            return self.send(context, work.items, effects);
+        }
+        if let Some(upload) = self.work.as_ref().and_then(|work| work.upload.as_ref()) {
             // MISSION_CURRENT.mission_state is about the mission alone.
             let named = self.kept.named(context);
-            let progress = work.upload.check(context.mono(), named, true);
+            let progress = upload.check(context.mono(), named, true);
             return self.follow(context, progress, effects);
         }
         let items = rally::items(&self.points);
@@ -159,9 +173,8 @@ impl Rally {
                 if stored.is_ok() && self.kept.holds(context, &items) {
                     return self.compare(context, effects);
                 }
-                let now = context.mono();
-                match stored.and_then(|()| self.kept.send(now, &items, effects.vehicle)) {
-                    Ok(upload) => self.work = Some(Work { items, upload }),
+                match stored {
+                    Ok(()) => self.send(context, items, effects),
                     Err(why) => self.failed(context, &why, effects),
                 }
             }
@@ -172,6 +185,15 @@ impl Rally {
             Seen::Same => effects.clear(Cause::Rally, UPLOADED),
         }
         self.compare(context, effects);
+    }
+
+    /// Begins the upload, once it is stored that the vehicle may hold points of this VSM.
+    fn send(&mut self, context: &Context<'_>, items: Vec<Item>, effects: &mut Effects<'_>) {
+        let when = (context.mono(), self.stored.1);
+        match self.kept.send(when, &items, effects) {
+            Ok(upload) => self.work = Some(Work { items, upload }),
+            Err(why) => self.failed(context, &why, effects),
+        }
     }
 
     fn compare(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
