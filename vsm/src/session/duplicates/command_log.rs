@@ -77,7 +77,8 @@ pub(super) fn parse_line(line: &str) -> Option<Seen> {
     words.next().is_none().then_some(seen)
 }
 
-pub(super) fn log_file(station: Id) -> String {
+/// The name of the log of a station's commands.
+pub(crate) fn log_file(station: Id) -> String {
     format!("commands-{:08x}.log", station.0)
 }
 
