@@ -7,6 +7,9 @@
 //! One thing outside a vehicle moves its due time: the silence of the stations. Whatever is received of a station moves it to later, which
 //! a vehicle finds out when it is asked at the earlier time; where it may be *earlier*, the bridge calls [`Fleet::ask_all`].
 //!
+//! Who holds rights over any of them is asked for each datagram of the DLI side, of senders that have proved nothing, too: [`Holders`]
+//! reads again only vehicles that somebody had by `&mut` since.
+//!
 //! Some steps of `Aircraft::handle_timeout` have no due time of their own (a disk that does not answer, a held command whose owner is
 //! gone). They are at most a second late, since each link is due for its heartbeat once a second.
 
@@ -15,6 +18,7 @@ use std::collections::{BTreeMap, BinaryHeap};
 use std::time::Duration;
 
 use stanag_msgs::Id;
+use stanag_msgs::enums::LoiBitmap;
 
 use super::aircraft::Aircraft;
 use super::link::frame::OutFrame;
@@ -33,10 +37,13 @@ pub(crate) struct Fleet {
     timers: Timers,
     /// Found due last: a buffer, since telemetry passes without an allocation.
     due: Vec<usize>,
-    /// Lent since they were last asked when they are due, whether they have a frame to send, and whether their key files change.
+    holders: Holders,
+    /// Lent since they were last asked when they are due, whether they have a frame to send, whether their key files change, and who
+    /// holds rights.
     unasked: Marks,
     may_send: Marks,
     may_change_key: Marks,
+    may_change_holders: Marks,
 }
 
 impl Fleet {
@@ -61,15 +68,45 @@ impl Fleet {
     }
 
     /// Whether a station holds any right over any vehicle.
-    pub(crate) fn has_holder(&self, station: Id) -> bool {
-        let mut rights = self.all.iter().map(|one| one.authority.rights());
-        rights.any(|rights| !rights.held(station).is_empty())
+    pub(crate) fn has_holder(&mut self, station: Id) -> bool {
+        let holds = self.holders().counts.contains_key(&station);
+        debug_assert!(
+            self.all
+                .iter()
+                .any(|one| !one.authority.rights().held(station).is_empty())
+                == holds,
+            "rights have changed, and nobody was lent the vehicle"
+        );
+        holds
     }
 
     /// Whether a station holds LOI 3, 4 or 5 of a vehicle.
-    pub(crate) fn controls(&self, station: Id) -> bool {
-        let mut rights = self.all.iter().map(|one| one.authority.rights());
-        rights.any(|rights| rights.commands(station))
+    pub(crate) fn controls(&mut self, station: Id) -> bool {
+        let count = self.holders().counts.get(&station);
+        let controls = count.is_some_and(|count| count.commands > 0);
+        debug_assert!(
+            self.all
+                .iter()
+                .any(|one| one.authority.rights().commands(station))
+                == controls,
+            "rights have changed, and nobody was lent the vehicle"
+        );
+        controls
+    }
+
+    /// How often the rights over any vehicle have changed.
+    pub(crate) fn changes_of_rights(&mut self) -> u64 {
+        self.holders().changes
+    }
+
+    fn holders(&mut self) -> &Holders {
+        while let Some(index) = self.may_change_holders.take() {
+            if let Some(one) = self.all.get(index) {
+                let rights = one.authority.rights().each_right();
+                self.holders.read(index, rights);
+            }
+        }
+        &self.holders
     }
 
     /// The vehicles of the link with this index: MAVLink system id, number.
@@ -88,6 +125,7 @@ impl Fleet {
         self.unasked.mark(index);
         self.may_send.mark(index);
         self.may_change_key.mark(index);
+        self.may_change_holders.mark(index);
         Some(one)
     }
 
@@ -133,10 +171,15 @@ impl Fleet {
             self.by_port[one.port].push((one.system(), index));
         }
         self.timers = Timers::default();
+        self.holders = Holders {
+            changes: self.holders.changes + 1,
+            ..Holders::default()
+        };
         for marks in [
             &mut self.unasked,
             &mut self.may_send,
             &mut self.may_change_key,
+            &mut self.may_change_holders,
         ] {
             *marks = Marks::default();
         }
@@ -148,6 +191,7 @@ impl Fleet {
             self.unasked.mark(index);
             self.may_send.mark(index);
             self.may_change_key.mark(index);
+            self.may_change_holders.mark(index);
         }
     }
 
@@ -304,6 +348,48 @@ impl Timers {
     }
 }
 
+/// The rights over all vehicles, by the station that holds them.
+#[derive(Debug, Default)]
+struct Holders {
+    /// Those over each vehicle, as they were last read.
+    of_each: Vec<Vec<(Id, LoiBitmap)>>,
+    counts: BTreeMap<Id, Count>,
+    changes: u64,
+}
+
+/// How many rights a station holds, and how many of these command.
+#[derive(Debug, Default)]
+struct Count {
+    all: usize,
+    commands: usize,
+}
+
+impl Holders {
+    fn read(&mut self, index: usize, rights: impl Iterator<Item = (Id, LoiBitmap)> + Clone) {
+        if self.of_each.len() <= index {
+            self.of_each.resize_with(index + 1, Vec::new);
+        }
+        let known = &mut self.of_each[index];
+        if rights.clone().eq(known.iter().copied()) {
+            return;
+        }
+        self.changes += 1;
+        for (station, level) in known.drain(..) {
+            if let Some(count) = self.counts.get_mut(&station) {
+                count.all -= 1;
+                count.commands -= usize::from(level != LoiBitmap::LOI2);
+            }
+        }
+        for (station, level) in rights {
+            known.push((station, level));
+            let count = self.counts.entry(station).or_default();
+            count.all += 1;
+            count.commands += usize::from(level != LoiBitmap::LOI2);
+        }
+        self.counts.retain(|_, count| count.all > 0);
+    }
+}
+
 /// Vehicles whose due work is done in one call.
 const MAX_AT_ONCE: usize = 64;
 
@@ -326,6 +412,35 @@ mod tests {
     }
 
     proptest! {
+        /// Against a walk over all, which is what the counts save.
+        #[test]
+        fn the_holders_are_those_of_all_vehicles(
+            steps in proptest::collection::vec(
+                (0..4_usize, proptest::collection::vec((0..3_u32, 0..3_usize), 0..4)),
+                0..60,
+            )
+        ) {
+            let levels = [LoiBitmap::LOI2, LoiBitmap::LOI3, LoiBitmap::LOI4];
+            let mut holders = Holders::default();
+            let mut model: [Vec<(Id, LoiBitmap)>; 4] = Default::default();
+            for (index, rights) in steps {
+                let rights = rights.into_iter().map(|(id, level)| (Id(id), levels[level]));
+                let rights: Vec<_> = rights.collect();
+                let before = holders.changes;
+                holders.read(index, rights.iter().copied());
+                prop_assert_eq!(holders.changes > before, model[index] != rights);
+                model[index] = rights;
+                for station in (0..3).map(Id) {
+                    let own = model.iter().flatten().filter(|(id, _)| *id == station);
+                    let all = own.clone().count();
+                    let commands = own.filter(|(_, level)| *level != LoiBitmap::LOI2).count();
+                    let count = holders.counts.get(&station);
+                    let found = count.map(|count| (count.all, count.commands));
+                    prop_assert_eq!(found, (all > 0).then_some((all, commands)));
+                }
+            }
+        }
+
         /// Against the minimum over all, which is what the heap saves.
         #[test]
         fn the_first_is_the_earliest_of_those_that_are_set(

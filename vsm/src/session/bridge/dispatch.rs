@@ -33,8 +33,8 @@ impl Bridge {
         if let Message::Heartbeat(_) = message {
             // A heartbeat before any grant does not enable the silence rule, nor does one from an unproven address.
             let station = &self.stations[origin.station];
-            let holds = || self.aircraft.has_holder(station.id());
-            if !station.sends_heartbeats && station.proven && holds() {
+            let (may, id) = (!station.sends_heartbeats && station.proven, station.id());
+            if may && self.aircraft.has_holder(id) {
                 self.stations[origin.station].sends_heartbeats = true;
                 // Its silence counts from now on.
                 self.aircraft.ask_all();

@@ -97,7 +97,7 @@ impl Bridge {
     }
 
     /// Whether a station may speak this edition now.
-    pub(super) fn may_speak(&self, now: Duration, index: usize, ed25: bool) -> bool {
+    pub(super) fn may_speak(&mut self, now: Duration, index: usize, ed25: bool) -> bool {
         let station = &self.stations[index];
         let Some((before, at)) = station.spoken else {
             return true;
@@ -346,6 +346,11 @@ impl Bridge {
             station.speaks_ed25() && !station.removed
         };
         if !self.stations.iter().any(|one| listens(&one)) {
+            return;
+        }
+        // This runs at every datagram, whoever sends it.
+        let changes = self.aircraft.changes_of_rights();
+        if std::mem::replace(&mut self.ed25.shown_changes, changes) == changes {
             return;
         }
         let holders = self.holders();

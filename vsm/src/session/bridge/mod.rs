@@ -201,6 +201,8 @@ struct Ed25 {
     sent_to_group: VecDeque<(u32, u32)>,
     /// The holders of each vehicle, as last shown to these stations.
     shown_holders: Vec<(Id, Id, LoiBitmap)>,
+    /// How often the rights had changed by then.
+    shown_changes: u64,
 }
 
 /// Called with every accepted frame and the index of its vehicle, for a recording.
@@ -519,12 +521,10 @@ impl Bridge {
     fn forget_heartbeats(&mut self, now: Duration) {
         for station in self.stations.iter_mut().filter(|one| one.sends_heartbeats) {
             let id = station.id();
-            let mut of_each = self.aircraft.iter().map(|one| one.authority.rights());
-            let lost = station.silence(now, &self.setup.settings.authority) == Silence::Lost;
-            station.sends_heartbeats = of_each.any(|rights| {
-                let held = rights.held(id);
-                !held.is_empty() && (!lost || rights.commands(id))
-            });
+            station.sends_heartbeats = match station.silence(now, &self.setup.settings.authority) {
+                Silence::Lost => self.aircraft.controls(id),
+                _ => self.aircraft.has_holder(id),
+            };
         }
     }
 
@@ -550,11 +550,12 @@ impl Bridge {
 
     /// Who sends from this address, as far as it is known without reading what he sends.
     #[must_use]
-    pub fn sender_at(&self, address: SocketAddr) -> DliSender {
+    pub fn sender_at(&mut self, address: SocketAddr) -> DliSender {
         let mut stations = self.stations.iter().enumerate();
+        let aircraft = &mut self.aircraft;
         let station = stations.find(|(index, station)| {
             self.paths.peer(*index) == Some(address)
-                && (self.paths.is_proven(*index) || self.aircraft.controls(station.id()))
+                && (self.paths.is_proven(*index) || aircraft.controls(station.id()))
         });
         match station {
             Some((index, _)) => DliSender::Station(index),

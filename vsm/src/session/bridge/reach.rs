@@ -38,7 +38,7 @@ impl Bridge {
         disk: &mut dyn Disk,
     ) -> bool {
         let id = self.stations[index].id();
-        let aircraft = &self.aircraft;
+        let aircraft = &mut self.aircraft;
         // An attacker may send copies of sealed datagrams from elsewhere, faster than the originals: while the guard is
         // received at its address, no other computer can replace it, even if it relays our challenges.
         let peer = self.paths.peer(index);

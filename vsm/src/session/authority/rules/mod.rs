@@ -171,6 +171,13 @@ impl Authority {
         all.into_iter().map(|id| (id, self.held(id)))
     }
 
+    /// Every right by itself, in an order that changes only with them: LOI 2, LOI 3 of a station, control.
+    pub(crate) fn each_right(&self) -> impl Iterator<Item = (Id, LoiBitmap)> + Clone + '_ {
+        let monitors = self.monitors.iter().map(|id| (*id, LoiBitmap::LOI2));
+        let stations = self.stations.values().map(|id| (*id, LoiBitmap::LOI3));
+        monitors.chain(stations).chain(self.control)
+    }
+
     /// The CUCS that holds LOI 4 or 5.
     #[must_use]
     pub fn controller(&self) -> Option<Id> {
@@ -180,7 +187,6 @@ impl Authority {
     /// Whether a CUCS holds a right to command the vehicle or a payload station: only these are lost by silence.
     #[must_use]
     pub fn commands(&self, id: Id) -> bool {
-        // Asked of each vehicle for each message from an address that has proved nothing.
         self.controller() == Some(id) || self.stations.values().any(|holder| *holder == id)
     }
 
