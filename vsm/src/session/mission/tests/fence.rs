@@ -265,7 +265,7 @@ fn areas_that_a_restart_in_the_middle_of_their_upload_takes_away_are_cleared() {
 fn areas_that_the_vehicle_breaches_after_a_restart_are_named_with_what_clears_them() {
     let (mut world, mut mission) = (World::new(), Mission::new(Vec::new(), Vec::new()));
     load_areas(&mut world, &mut mission);
-    let id = transferred(&mut world, &mut mission, FENCE, &fence_items());
+    let id = transferred(&mut world, &mut mission, FENCE, &fence_items(&circle()));
     world.vehicle.telemetry.mission = named(0, id);
     handle(&mut world, &mut mission, Input::WatchFence);
     assert!(answers(&mut world).contains(&AckType::CarriedOut));
@@ -345,7 +345,7 @@ fn nothing_is_sent_before_it_is_stored_that_the_vehicle_may_hold_it() {
     };
     let point = RallyPoint {
         place: (47.0, 8.0),
-        height: Height::AboveHome(2.0),
+        height: mapping::rally::Height::AboveHome(2.0),
     };
     for points in [vec![], vec![point]] {
         let of_cucs = points.is_empty();
