@@ -157,6 +157,11 @@ impl Mission {
         Note::Critical(text)
     }
 
+    /// Where the current item leads.
+    pub(crate) fn flown_to(&self, view: &View<'_>) -> Option<Ned> {
+        self.place_from(self.index, view)
+    }
+
     /// Items with a place, for the fence check: index and position.
     pub(crate) fn places<'a>(
         &'a self,

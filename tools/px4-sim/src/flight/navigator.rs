@@ -129,8 +129,20 @@ impl Navigator {
         }
     }
 
-    /// DO_REPOSITION.
-    pub(crate) fn set_reposition(&mut self, reposition: Reposition, view: &View<'_>) {
+    /// DO_REPOSITION. One with an altitude and without a place keeps the place that is flown to, be it a waypoint of the mission; one
+    /// without either stops (navigator_main.cpp).
+    pub(crate) fn set_reposition(&mut self, mut reposition: Reposition, view: &View<'_>) {
+        let kept = match self.active {
+            Some(Mode::Loiter) => Some(self.hold),
+            Some(Mode::Mission) => self.mission.flown_to(view),
+            _ => None,
+        };
+        let target = &mut reposition.target;
+        if target.d.is_finite()
+            && let Some(kept) = kept
+        {
+            *target = target.or(kept);
+        }
         self.reposition = Some(reposition);
         if self.active == Some(Mode::Loiter) {
             self.apply_reposition(view);

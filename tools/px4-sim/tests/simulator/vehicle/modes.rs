@@ -239,3 +239,28 @@ fn the_frame_of_a_reposition_is_not_looked_at() {
         "AMSL although called relative: {altitude}"
     );
 }
+
+/// As of navigator_main.cpp and loiter.cpp of PX4.
+#[test]
+fn the_mode_once_more_and_an_altitude_alone_keep_the_place_that_is_flown_to() {
+    let mut flight = airborne();
+    let here = flight.vehicle.truth().place;
+    let lat = (here.latitude_deg + 0.002) as f32;
+    let lon = here.longitude_deg as f32;
+    let go = |flight: &mut Flight, [lat, lon, amsl]: [f32; 3]| {
+        flight.command(192, &[-1.0, 1.0, 0.0, f32::NAN, lat, lon, amsl])
+    };
+    assert_eq!(go(&mut flight, [lat, lon, 508.0]), Some(0));
+    flight.run(5.0);
+    assert_eq!(flight.set_mode(Mode::Loiter), Some(0));
+    assert_eq!(go(&mut flight, [f32::NAN, f32::NAN, 515.0]), Some(0));
+    flight.run(10.0);
+    let truth = flight.vehicle.truth();
+    assert!(truth.velocity.n > 3.0, "{truth:?}");
+    // Without either it stops.
+    assert_eq!(go(&mut flight, [f32::NAN; 3]), Some(0));
+    flight.run(10.0);
+    let truth = flight.vehicle.truth();
+    assert!(truth.velocity.horizontal() < 0.5, "{truth:?}");
+    assert!(truth.position.n < 150.0, "{truth:?}");
+}
