@@ -6,7 +6,7 @@
 //!   `captures_as_vehicles`
 //! - routes: `routes_by_type`, `route_refusals`, `above_terrain`, `plan_actions`, `refused_uploads`, `route_progress`, `left_out_speeds`, `curves`, `streamed_curves`, `climbs`, `after_a_return`,
 //!   `mission_watchdog`, `fence`, `altitude_band`, `rally`, `wings`
-//! - commands: `by_hand`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
+//! - commands: `by_hand`, `holds`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
 //!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
 //! - commands that wait, and what is flown by itself: `held_commands`, `contingencies`
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
@@ -49,6 +49,7 @@ mod guarded;
 mod guarded_group;
 mod health_alerts;
 mod held_commands;
+mod holds;
 mod left_out_speeds;
 mod loss_action;
 mod loss_of_authority;

@@ -12,7 +12,7 @@ use stanag_msgs::messages::{
     PositiveHandoverAuthorisationRequest, UaPositionWaypoint, UaRoute, VehicleOperatingModeCommand,
     VehicleSpecificWaypoint,
 };
-use stanag_msgs::{Bam16, Message, Scaled, Text};
+use stanag_msgs::{Bam16, Bam32, Message, Scaled, Text};
 
 fn winged(airframe: Airframe, tables: &'static str) -> Rig {
     Rig::ready_with(Setup {
@@ -632,6 +632,27 @@ fn of_a_go_around_and_a_landing_commanded_again_nothing_is_warned_and_an_altitud
     });
     assert!(rig.station().has_alert(BROKEN_OFF));
     assert!(!rig.station().has_alert("it keeps that height"));
+}
+
+#[test]
+fn a_hold_ends_the_flight_of_a_wing_to_a_commanded_place() {
+    let mut rig = flies(Airframe::Plane, "");
+    rig.run(20.0);
+    let (latitude, longitude) = orders::place(3_000.0, 0.0);
+    rig.done(VehicleOperatingModeCommand {
+        loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
+        loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
+        ..orders::mode(Mode::Loiter)
+    });
+    rig.run(40.0);
+    let here = rig.truth().position;
+    rig.done(orders::mode(Mode::Loiter));
+    for _ in 0..60 {
+        rig.run(1.0);
+        let truth = rig.truth();
+        let off_m = (truth.position.n - here.n).hypot(truth.position.e - here.e);
+        assert!(off_m < 300.0, "{truth:?}");
+    }
 }
 
 /// Mode 19 again: not from the start of the pattern, and not with its speed.

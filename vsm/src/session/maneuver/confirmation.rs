@@ -34,6 +34,8 @@ pub(crate) enum Confirmation {
         place: Option<(f64, f64)>,
         amsl_m: Option<f64>,
     },
+    /// It stays where it is, hovering or on a circle of this radius, m.
+    Stays { circle_m: f64 },
 }
 
 /// A commanded altitude, and that of the circle flown before, m above mean sea level.
@@ -124,6 +126,9 @@ impl Confirmation {
                             .is_none_or(|wanted| (wanted - target.amsl_m).abs() < TARGET_SLACK_M)
                 })
             }
+            Confirmation::Stays { circle_m } => {
+                Away::of(telemetry, *circle_m).is_some_and(|away| away.is_braked(telemetry))
+            }
         }
     }
 
@@ -163,7 +168,39 @@ impl Confirmation {
             Confirmation::Hovers(true) => "that it hovers".to_owned(),
             Confirmation::Hovers(false) => "that it flies on its wings".to_owned(),
             Confirmation::Target { .. } => "that it flies to the commanded place".to_owned(),
+            Confirmation::Stays { .. } => "that it stays where it is".to_owned(),
         }
+    }
+}
+
+/// How much further a vehicle flies until it hovers or circles, m: what one that does so is off by is not counted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Away {
+    pub(crate) ground_m: f64,
+    pub(crate) height_m: f64,
+}
+
+impl Away {
+    /// By its set point; `None` where it has not reported that and its position. `circle_m`: the radius of its circle, 0 for a hover.
+    pub(crate) fn of(telemetry: &Telemetry, circle_m: f64) -> Option<Away> {
+        let (target, here) = telemetry.target.zip(telemetry.position)?;
+        let place = |at: Place| (at.latitude, at.longitude);
+        let (near_m, level_m) = if circle_m > 0.0 {
+            (2.0 * circle_m + CIRCLE_SLACK_M, CIRCLE_LEVEL_M)
+        } else {
+            (HOVER_SLACK_M, HOVER_LEVEL_M)
+        };
+        Some(Away {
+            ground_m: (metres(place(target), place(here)) - near_m).max(0.0),
+            height_m: ((target.amsl_m - here.amsl_m).abs() - level_m).max(0.0),
+        })
+    }
+
+    /// Whether it is no further than a vehicle flies that brakes.
+    fn is_braked(self, telemetry: &Telemetry) -> bool {
+        let [north, east, down] = telemetry.velocity_ned.unwrap_or_default();
+        self.ground_m <= BRAKES_WITHIN_S * north.hypot(east)
+            && self.height_m <= BRAKES_WITHIN_S * down.abs()
     }
 }
 
@@ -187,6 +224,14 @@ const COURSE_SLACK: f64 = 0.1;
 const SLOWEST_M_S: f64 = 2.0;
 /// Tolerance of a set point, m.
 const TARGET_SLACK_M: f64 = 2.0;
+/// A vehicle hovers this near to its set point, over ground and in height, m.
+const HOVER_SLACK_M: f64 = 5.0;
+const HOVER_LEVEL_M: f64 = 3.0;
+/// The same of wings on their circle, beyond its far side.
+const CIRCLE_SLACK_M: f64 = 20.0;
+const CIRCLE_LEVEL_M: f64 = 10.0;
+/// A multicopter brakes from its highest speed in half of this time.
+const BRAKES_WITHIN_S: f64 = 5.0;
 /// A vehicle this near to a circle flies it, m.
 const ON_IT_M: f64 = 5.0;
 /// So much nearer to its altitude a climb or a descent has begun, m.

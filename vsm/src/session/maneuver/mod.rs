@@ -10,12 +10,12 @@ mod confirmation;
 mod refusal;
 mod step;
 
-pub(crate) use confirmation::{Climb, Confirmation};
+pub(crate) use confirmation::{Away, Climb, Confirmation};
 pub(crate) use refusal::Refusal;
 pub(crate) use step::{
     Step, arm, change_altitude, change_speed, climbed, course, disarm, enter, figure_eight,
     go_around, launch, launch_vtol, launch_wing, mode_after, orbit, reposition, set_mode,
-    shows_speed, transition,
+    shows_speed, stop, transition,
 };
 
 use std::collections::VecDeque;
@@ -559,7 +559,8 @@ impl Maneuver {
             | Confirmation::Disarmed
             | Confirmation::OffTheGround
             | Confirmation::Orbit { .. }
-            | Confirmation::Hovers(_) => true,
+            | Confirmation::Hovers(_)
+            | Confirmation::Stays { .. } => true,
             // On wings another circle or eight may have been flown at the same place.
             Confirmation::Target { .. } => !matches!(
                 command.command,

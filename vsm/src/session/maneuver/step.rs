@@ -381,17 +381,15 @@ pub(crate) fn change_speed(speed_m_s: f64, hovers: bool) -> Step {
     }
 }
 
-/// MAV_CMD_DO_REPOSITION: to a place, or to another altitude at the present place. Enters AUTO.LOITER.
+/// MAV_CMD_DO_REPOSITION: to a place, or to another altitude at the place that the vehicle has. Enters AUTO.LOITER.
 pub(crate) fn reposition(
     place: Option<(f64, f64)>,
     amsl_m: f64,
     speed_m_s: Option<f64>,
 ) -> [Step; 3] {
-    // Without this flag PX4 denies DO_REPOSITION outside AUTO.LOITER.
-    const CHANGE_MODE: f32 = 1.0;
     let speed = speed_m_s.map_or(-1.0, |speed| speed as f32);
     let params = [speed, CHANGE_MODE, 0.0, f32::NAN];
-    // Without a place the vehicle stays where it is.
+    // Without a place PX4 keeps the one that it flies to, be it a waypoint of its mission (navigator_main.cpp).
     let command = at_place(MavCmd::MAV_CMD_DO_REPOSITION, params, place, amsl_m);
     [
         Step::Command {
@@ -408,6 +406,29 @@ pub(crate) fn reposition(
                 place,
                 amsl_m: Some(amsl_m),
             },
+            within: STATE_WITHIN,
+        },
+    ]
+}
+
+/// MAV_CMD_DO_REPOSITION to no place and no altitude: the vehicle stops where it is, or on wings circles there, also where it is in
+/// AUTO.LOITER already and flies to a commanded place or altitude. That mode, commanded once more, changes nothing in PX4: it does not
+/// call `Loiter::on_activation` again. `circle_m`: the radius with which the vehicle circles, 0 for a hover.
+pub(crate) fn stop(circle_m: f64) -> [Step; 3] {
+    let params = [-1.0, CHANGE_MODE, 0.0, f32::NAN];
+    let command = at_place(MavCmd::MAV_CMD_DO_REPOSITION, params, None, f64::NAN);
+    [
+        Step::Command {
+            command,
+            what: "hold",
+            patience: Duration::ZERO,
+        },
+        Step::Confirm {
+            confirmation: Confirmation::Mode(&[Px4Mode::LOITER]),
+            within: STATE_WITHIN,
+        },
+        Step::Confirm {
+            confirmation: Confirmation::Stays { circle_m },
             within: STATE_WITHIN,
         },
     ]
@@ -480,6 +501,8 @@ fn e7(degrees: f64) -> i32 {
 
 /// DO_SET_MODE param1: MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.
 const CUSTOM_MODE_ENABLED: f32 = 1.0;
+/// DO_REPOSITION param2: without this flag PX4 denies it outside AUTO.LOITER.
+const CHANGE_MODE: f32 = 1.0;
 /// HEARTBEAT comes at 1 Hz, and some of them are lost.
 const STATE_WITHIN: Duration = Duration::from_secs(6);
 /// A vehicle that still holds after this long is sent the command again.

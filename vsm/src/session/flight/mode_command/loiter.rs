@@ -18,7 +18,7 @@ use crate::session::flight::situation::{
     Situation, Task, altitude, checked_level, flown_as, names_mode, place, speed, steps_to_waypoint,
 };
 use crate::session::flight::wings;
-use crate::session::maneuver::{self, Climb, Step};
+use crate::session::maneuver::{self, Away, Climb, Step};
 
 /// A partly composed loiter.
 struct Draft {
@@ -78,7 +78,7 @@ pub(super) fn loiter(
     // A VTOL hovers or circles on its wings, as the loiter requires: it transitions first.
     let hovers = wings::transition_for(pattern, names_mode(command), at, &mut draft.steps)?;
     if place.is_none() && level.is_none() && !wings::circles_here(pattern, hovers, command) {
-        stay(&mut draft, command, loiters, at)?;
+        stay(&mut draft, command, (loiters, hovers), at)?;
     } else {
         go(&mut draft, place, level, (pattern, hovers), at)?;
     }
@@ -156,10 +156,11 @@ pub(super) fn flown_over(
 fn stay(
     draft: &mut Draft,
     command: &VehicleOperatingModeCommand,
-    loiters: bool,
+    (loiters, hovers): (bool, bool),
     at: &Situation<'_>,
 ) -> Result<(), String> {
-    if !names_mode(command) && steps_to_waypoint(command) {
+    let named = names_mode(command);
+    if !named && steps_to_waypoint(command) {
         return Err("a commanded waypoint needs mode 11 (waypoint)".to_owned());
     }
     match draft.speed_m_s {
@@ -170,14 +171,50 @@ fn stay(
             draft.commanded.speed_m_s = Some(speed_m_s);
             draft.commanded.speed_type = Some(flown_as(true));
         }
-        Some(_) if loiters => {}
-        _ if names_mode(command) => {
-            draft.steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
+        Some(_) if loiters && !(named && flies_on(hovers, at)) => {}
+        _ if named => {
+            draft.steps.extend(hold(hovers, at));
             draft.commanded = Commanded::default();
         }
         _ => {}
     }
     Ok(())
+}
+
+/// The steps to a vehicle that stays where it is.
+fn hold(hovers: bool, at: &Situation<'_>) -> Vec<Step> {
+    let stops = flies_on(hovers, at);
+    let mut steps = Vec::new();
+    // On wings DO_REPOSITION without a place does not end PX4's course mode, which may be entered still.
+    if !stops || !hovers {
+        steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
+    }
+    if stops {
+        steps.extend(maneuver::stop(circle_m(hovers, at)));
+    }
+    steps
+}
+
+/// Whether the vehicle flies to a place or an altitude in AUTO.LOITER, or may do so: that mode, commanded once more, does not end it.
+/// One that has reported no set point is not known to fly anywhere, and could not show that it stays.
+fn flies_on(hovers: bool, at: &Situation<'_>) -> bool {
+    let on_its_way = || {
+        let away = Away::of(at.telemetry, circle_m(hovers, at));
+        away.is_none_or(|away| away.ground_m > 0.0 || away.height_m > 0.0)
+    };
+    match at.settled_mode() {
+        _ if !at.telemetry.airborne() || at.telemetry.target.is_none() => false,
+        Some(Px4Mode::LOITER) => on_its_way(),
+        Some(_) => false,
+        // A command of before may still take effect, or has.
+        None => true,
+    }
+}
+
+/// The radius of the vehicle's own circles, m; 0 where it hovers.
+fn circle_m(hovers: bool, at: &Situation<'_>) -> f64 {
+    let wings = at.wings.as_ref().filter(|_| !hovers);
+    wings.map_or(0.0, |wings| wings.loiter_radius_m.abs())
 }
 
 /// A loiter at another position or altitude.
@@ -260,6 +297,9 @@ fn go(
             draft.steps.extend(steps);
         }
         _ => {
+            if place.is_none() && draft.restarts && !hovers_here(at) {
+                draft.steps.extend(hold(hovers, at));
+            }
             // The speed follows by DO_CHANGE_SPEED: entering a mode takes PX4 back to its own.
             let steps = maneuver::reposition(place, amsl_m, None);
             draft.steps.extend(steps);
@@ -271,6 +311,13 @@ fn go(
         draft.commanded.loiter_position = place;
     }
     Ok(())
+}
+
+/// Whether a multicopter hovers, at whatever altitude, so that another altitude is flown to where it is: elsewhere PX4 would fly on to
+/// the place that it flies to.
+fn hovers_here(at: &Situation<'_>) -> bool {
+    let away = Away::of(at.telemetry, 0.0);
+    at.settled_mode() == Some(Px4Mode::LOITER) && away.is_some_and(|away| away.ground_m == 0.0)
 }
 
 /// PX4 compares a place to hover at with its fence (DO_REPOSITION), but no circle of a multicopter, and of one on wings only the centre.

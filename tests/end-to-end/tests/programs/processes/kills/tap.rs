@@ -101,7 +101,8 @@ impl Vehicle {
                 Command::Upload
             }
             (End::Client, MavMessage::COMMAND_INT(command))
-                if command.command == MavCmd::MAV_CMD_DO_REPOSITION =>
+                // A hold has no altitude.
+                if command.command == MavCmd::MAV_CMD_DO_REPOSITION && command.z.is_finite() =>
             {
                 Command::Altitude(command.z.into())
             }
