@@ -7,7 +7,7 @@
 //! - routes: `routes_by_type`, `route_refusals`, `above_terrain`, `plan_actions`, `refused_uploads`, `route_progress`, `left_out_speeds`, `curves`, `streamed_curves`, `climbs`, `after_a_return`,
 //!   `mission_watchdog`, `fence`, `altitude_band`, `rally`, `wings`
 //! - commands: `by_hand`, `holds`, `commands_without_a_mode`, `mode_retries`, `overtaken_commands`, `refusals_have_reasons`,
-//!   `commands_survive_a_restart`, `replayed_commands`, `forged_time_stamps`
+//!   `commands_survive_a_restart`, `replayed_commands`, `repeated_commands`, `forged_time_stamps`
 //! - commands that wait, and what is flown by itself: `held_commands`, `contingencies`
 //! - the order of effects: `effects_order`; another configuration while it runs: `reload`
 //! - how stations are spoken to: `station_profiles`
@@ -67,6 +67,7 @@ mod rally;
 mod refusals_have_reasons;
 mod refused_uploads;
 mod reload;
+mod repeated_commands;
 mod replayed_commands;
 mod reports_in_time;
 mod restarts;

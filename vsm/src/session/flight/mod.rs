@@ -5,7 +5,7 @@
 //!
 //! - `mode_command`: turns a 2016 into steps for PX4, or gives the reason why PX4 cannot do it; pure. `wings`: differences
 //!   for fixed wings. `situation`: the input of that decision
-//! - `running`: the maneuver in progress
+//! - `running`: the maneuver in progress; `repeated`: a command that its station sends again and again
 //! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
 //! - `curve_stream`: curves of a mission flown by set points, where that is configured; `streamed`: what it reads and commands
 //! - `settings` (2017, altimeter), `engine` (2008)
@@ -20,6 +20,7 @@ mod engine;
 mod loss_action;
 mod mode_command;
 mod provision;
+mod repeated;
 mod running;
 mod settings;
 mod situation;
@@ -53,6 +54,7 @@ use stanag_msgs::messages::{
 
 use self::curve_stream::CurveStream;
 use self::loss_action::LossAction;
+use self::repeated::{Repeated, Repetition};
 use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
 use self::sticks::{Due, SEEN_WITHIN, Sticks, lost_within};
@@ -99,6 +101,7 @@ pub(crate) struct Flight {
     contingencies: Contingencies,
     /// The mode last named by a CUCS, and when: if it is named again at once, the command is part of a stream.
     mode_commanded: Option<(Mode, Duration)>,
+    repeated: Repeated,
     /// When the command arrived whose route is, or was, being uploaded.
     load_commanded: Option<Duration>,
     watched: Watched,
@@ -273,6 +276,7 @@ impl Flight {
     pub(crate) fn note_stop(&mut self, stopped: Duration) {
         self.watched.note_stop(stopped);
         self.contingencies.note_stop(stopped);
+        self.repeated.note_stop(stopped);
         if let Some((_, at)) = &mut self.mode_commanded {
             *at += stopped;
         }
@@ -522,6 +526,7 @@ impl Flight {
         let changed = changes::loiter(&merged, &self.loiter).collect();
         // A setting is only stored: 17000 type 2 comes at once, and the next loiter (2016 mode 12) flies by it.
         self.loiter = merged;
+        self.repeated.forget();
         effects.acknowledge(&origin, AckType::CarriedOut);
         effects.request(Request::Configured {
             changed,
@@ -601,6 +606,8 @@ impl Flight {
         {
             return effects.refuse(origin, why);
         }
+        let (now, mission) = (context.mono(), &context.mission);
+        let repetition = self.repeated.note(now, origin, command, mission);
         let telemetry = &context.vehicle.telemetry;
         let altimeter = match settings::altimeter_of(command, self.altimeter) {
             Ok(altimeter) => altimeter,
@@ -616,6 +623,7 @@ impl Flight {
             fence: context.mission.fence,
             unfenced: context.mission.unfenced,
             just_loaded,
+            repeats: repetition == Repetition::OfDone,
             under_way: self.under_way(context),
             landing_from_m: self.landing_from_m,
             loiter: &self.loiter,
@@ -631,6 +639,7 @@ impl Flight {
         };
         let winged = situation.wings.is_some();
         let hovers_instead = mode_command::hovers_instead(command, &situation);
+        let continues_instead = mode_command::continues_instead(command, &situation);
         let restarts = mode_command::restarts_route(command, &situation)
             && command.select_flight_path_control_mode == Some(Mode::Waypoint);
         // A refused command changes nothing: the altimeter setting is stored only if the rest can be flown.
@@ -661,6 +670,12 @@ impl Flight {
             for text in text.into_iter().chain(hovers_instead) {
                 effects.answer(&[origin.station], text);
             }
+            if let Some(text) = continues_instead {
+                effects.answer_sometimes(&[origin.station], text);
+            }
+        }
+        if repetition == Repetition::None && origin.is_some() && situation::names_mode(command) {
+            self.repeated.forget();
         }
         match task {
             Task::Nothing => {
@@ -669,6 +684,11 @@ impl Flight {
                 }
             }
             Task::Steps(steps, commanded) => {
+                // A jump that begins again before the vehicle has shown it would never be shown.
+                let jumps = steps.iter().any(|step| matches!(step, Step::SetCurrent(_)));
+                if let (true, Repetition::OfRunning, Some(by)) = (jumps, repetition, origin) {
+                    return self.join(by, effects);
+                }
                 if let Some(why) = waits_for_transfer(&steps, context) {
                     return effects.refuse(origin, why);
                 }
@@ -676,14 +696,22 @@ impl Flight {
                     report_restart(context, effects);
                 }
                 self.begin(context, origin, Maneuver::new(steps, commanded), effects);
+                self.repeated
+                    .begun(now, origin, command, mission, repetition);
             }
             Task::Launch(steps, commanded) => {
+                // Begun again, it would first be ended, which stops the motors.
+                if let (Repetition::OfRunning, Some(by)) = (repetition, origin) {
+                    return self.join(by, effects);
+                }
                 if let Some(why) = waits_for_transfer(&steps, context) {
                     return effects.refuse(origin, why);
                 }
                 // If a step after arming fails, the motors must not keep running on the ground.
                 let maneuver = Maneuver::new(steps, commanded).undone_by(maneuver::arm(false));
                 self.begin(context, origin, maneuver, effects);
+                self.repeated
+                    .begun(now, origin, command, mission, repetition);
             }
             Task::Manual => self.fly_manually(context, origin, effects),
             Task::Steer(order, commanded) => {

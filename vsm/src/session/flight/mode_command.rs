@@ -15,7 +15,7 @@ use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 pub(crate) use self::loiter::hovers_instead;
 use self::loiter::{flown_over, loiter};
-pub(crate) use self::route::restarts_route;
+pub(crate) use self::route::{continues_instead, restarts_route};
 use self::route::{fly, is_current};
 use super::settings::Pattern;
 use super::situation::{
@@ -312,8 +312,8 @@ mod tests {
     use mapping::limits::{Limits, Performance};
     use mapping::plan::Plan;
     use mapping::route::{CompiledMission, Leg};
-    use mapping::telemetry::{LandedState, Place, Telemetry};
-    use mavlink_link::dialect::MavLandedState;
+    use mapping::telemetry::{LandedState, MissionProgress, Place, Telemetry};
+    use mavlink_link::dialect::{MavLandedState, MissionState};
     use mavlink_link::service::mission::Item;
     use stanag_msgs::enums::{AltitudeType, FlightPathControlMode as Mode};
     use stanag_msgs::messages::{LoiterConfiguration, UaRoute};
@@ -356,6 +356,7 @@ mod tests {
             fence: (&[], &Areas::default()),
             unfenced: None,
             just_loaded: false,
+            repeats: false,
             under_way: UnderWay::default(),
             landing_from_m: None,
             loiter: &LoiterConfiguration::default(),
@@ -503,6 +504,70 @@ mod tests {
             let expected = format!("mode {}: infeasible: load another", mode.in_words());
             assert_eq!(why, Err(expected), "PX4 flies nothing of it");
         }
+    }
+
+    /// PX4 stays in AUTO.MISSION after the landing, armed for a while, and the ground is reported up to a second later.
+    #[test]
+    fn an_approach_that_has_landed_is_not_begun_again_before_the_vehicle_reports_the_ground() {
+        let home = Place {
+            latitude: 47.0,
+            longitude: 8.0,
+            amsl_m: 488.0,
+        };
+        let item = Item {
+            frame: FRAME_AMSL,
+            command: 16,
+            z: 500.0,
+            ..Item::default()
+        };
+        let leg = Leg {
+            number: 7,
+            latitude: home.latitude,
+            longitude: home.longitude,
+            level: Level::Amsl(500.0),
+            speed_m_s: None,
+        };
+        let (mut uploaded, mut command) = aboard_and_waypoint(CompiledMission {
+            items: vec![item],
+            waypoint_of: vec![7],
+            order: vec![leg],
+            ..CompiledMission::default()
+        });
+        command.select_flight_path_control_mode = Some(Mode::AutolandEngage);
+        uploaded.route_type = RouteType::Approach;
+        let mut plan = Plan::default();
+        let route = UaRoute {
+            initial_waypoint_number: Some(7),
+            route_type: Some(RouteType::Approach),
+            ..UaRoute::default()
+        };
+        assert_eq!(plan.store(&route.into(), Id(1), Id(2)), Ok(()));
+        let sent = plan.route_of_type(RouteType::Approach);
+        uploaded.plan = plan.part(sent.expect("it was stored"));
+        let begins = |mode| {
+            let telemetry = Telemetry {
+                home: Some(home),
+                landed: Some(LandedState::InAir),
+                mode: Some(mode),
+                mission: Some(MissionProgress {
+                    seq: 0,
+                    total: Some(1),
+                    state: MissionState::MISSION_STATE_COMPLETE,
+                    mission_id: 0,
+                    fence_id: 0,
+                    rally_points_id: 0,
+                }),
+                ..Telemetry::default()
+            };
+            let given = (&plan, None, None);
+            let limits = Limits::default();
+            match task_with(given, &command, &telemetry, Some(&uploaded), limits) {
+                Ok(Task::Steps(steps, _)) => !steps.is_empty(),
+                other => panic!("{other:?}"),
+            }
+        };
+        assert!(!begins(Px4Mode::MISSION), "it would take off again");
+        assert!(begins(Px4Mode::LOITER), "in another flight");
     }
 
     #[test]

@@ -12,6 +12,7 @@ use mapping::report::{self, Commanded};
 use stanag_msgs::enums::{AckType, AlertPriority, FlightPathControlMode as Mode, SubsystemId};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
+use super::repeated::REPEATED_WITHIN;
 use super::sticks::lost_within;
 use super::unexplained::Unexplained;
 use super::wings::{BreakOff, Shown};
@@ -232,6 +233,7 @@ impl Flight {
     ) {
         if let Some((origin, mut running)) = self.maneuver.take_if(|(origin, _)| ends(*origin)) {
             running.abandon(context.mono(), context.vehicle, effects.vehicle);
+            self.repeated.ended();
             self.give_up_streams(context);
             self.forget_commanded(context);
             self.refuse(context, origin, why.to_owned().into(), effects);
@@ -300,6 +302,7 @@ impl Flight {
                 self.commanded.speed_leg =
                     uploaded.and_then(|uploaded| report::to_index(telemetry, &uploaded.compiled));
                 self.maneuver = None;
+                self.repeated.carried_out();
                 for origin in origin.into_iter().chain(mem::take(&mut self.joined)) {
                     effects.acknowledge(&origin, AckType::CarriedOut);
                 }
@@ -353,6 +356,7 @@ impl Flight {
         if let Some((_, mut maneuver)) = self.maneuver.take() {
             maneuver.abandon(context.mono(), context.vehicle, effects.vehicle);
         }
+        self.repeated.ended();
         if let Some(failsafe) = self.give_up_streams(context) {
             advise_centred(failsafe, effects);
         }
@@ -421,6 +425,4 @@ const TOO_EARLY: &str =
     "a contingency is commanded since less than 3 s: command again, in knowledge of its alert";
 const NOT_NEW: &str = "a contingency is commanded, and this only continues or repeats an earlier command: command another mode, \
                        or pause for 5 s";
-/// A command of the same mode within this time after the last one is part of a stream.
-const REPEATED_WITHIN: Duration = Duration::from_secs(5);
 const SUPERSEDED: &str = "superseded by a later command";

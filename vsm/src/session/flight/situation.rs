@@ -78,6 +78,8 @@ pub(crate) struct Situation<'a> {
     pub(crate) unfenced: Option<&'a str>,
     /// The route has just been uploaded for this command.
     pub(crate) just_loaded: bool,
+    /// The command repeats one that was carried out.
+    pub(crate) repeats: bool,
     /// What of earlier commands the vehicle may not show yet.
     pub(crate) under_way: UnderWay,
     /// Where AUTO.LAND began, m above mean sea level.

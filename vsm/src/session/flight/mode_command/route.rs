@@ -8,6 +8,7 @@ use mapping::route::check_way;
 use stanag_msgs::enums::{FlightPathControlMode as Mode, RouteType};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
+use crate::session::flight::repeated::REPEATED_WITHIN;
 use crate::session::flight::situation::{
     NEAR_M, Situation, Task, check_feasible, check_heights, flown_as, holds, mission_not_reported,
     mode_of, names_mode, speed, steps_to_waypoint,
@@ -72,7 +73,17 @@ pub(super) fn fly(
     check_heights(uploaded, at)?;
     let mut steps = Vec::new();
     let enters = at.settled_mode() != Some(Px4Mode::MISSION);
+    if at.repeats && enters && is_over(at) {
+        return Err(format!(
+            "mode {}: the route was flown to its end, and this repeats the command that flew it: to fly it again, command it after a pause \
+             of {} s, or another mode first",
+            mode.in_words(),
+            REPEATED_WITHIN.as_secs()
+        ));
+    }
     let start = match number {
+        // It continues where it is.
+        _ if at.repeats => None,
         Some(number) => Some(
             uploaded
                 .compiled
@@ -220,16 +231,44 @@ fn comes_level(uploaded: &UploadedMission, seq: u16, enters: bool, at: &Situatio
     above_m.abs() < NEAR_M || (enters && above_m < 0.0)
 }
 
+/// What a station is sent where the vehicle is not sent to a waypoint once more that it has passed since this command came first.
+pub(crate) fn continues_instead(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Option<String> {
+    let number = command.commanded_waypoint_number;
+    let number = number.filter(|number| *number != 0 && at.repeats)?;
+    let (compiled, seq) = (&at.uploaded?.compiled, at.telemetry.mission?.seq);
+    let leg = compiled.leg_of_item(compiled.place_from(seq))?;
+    let to = compiled.order.get(leg)?.number;
+    (to != number).then(|| {
+        format!(
+            "2016 repeats a command that was carried out: the route continues to waypoint {to}; the vehicle is sent to waypoint {number} \
+             again by a command after a pause of {} s",
+            REPEATED_WITHIN.as_secs()
+        )
+    })
+}
+
 /// Whether a completed route restarts: if the mode is commanded without a waypoint.
 pub(crate) fn restarts_route(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> bool {
+    // A multicopter that has landed by its approach is still in the mode, and would take off again.
+    let landed = at.telemetry.mode == Some(Px4Mode::MISSION)
+        && at.wings.is_none()
+        && (at.uploaded).is_some_and(|uploaded| uploaded.route_type == RouteType::Approach);
+    let again = names_mode(command) && !steps_to_waypoint(command) && !at.repeats;
+    again && is_over(at) && !landed
+}
+
+/// Whether the route aboard was flown to its end.
+fn is_over(at: &Situation<'_>) -> bool {
     // A fixed wing's mission is not complete at the end of its route: it loiters there until its landing.
     let seq = at.telemetry.mission.map(|mission| mission.seq);
     let compiled = at.uploaded.map(|uploaded| &uploaded.compiled);
-    let over = compiled.is_some_and(|compiled| {
+    compiled.is_some_and(|compiled| {
         seq.is_some_and(|seq| compiled.is_past_the_route(seq))
             || at.progress.is_over(compiled, at.telemetry)
-    });
-    over && names_mode(command) && !steps_to_waypoint(command)
+    })
 }
 
 /// Whether the route aboard is the one to fly: mode 11 flies the route that 13000 loaded, except for contingency routes.
