@@ -82,6 +82,28 @@ fn each_mode_flies_the_route_of_its_type() {
     );
 }
 
+/// As out of AUTO.LAND: back to where the landing began, or to the commanded altitude.
+#[test]
+fn a_landing_by_the_approach_is_broken_off_with_a_climb() {
+    let to_32_m = VehicleOperatingModeCommand {
+        select_flight_path_control_mode: Some(Mode::AutolandWaveOff),
+        ..orders::launch(32.0)
+    };
+    for (order, reached) in [(orders::mode(Mode::AutolandWaveOff), 20.0), (to_32_m, 32.0)] {
+        let mut rig = with_all();
+        rig.done(orders::launch(20.0));
+        rig.run(30.0);
+        rig.done(orders::mode(Mode::AutolandEngage));
+        let low = |rig: &Rig| rig.truth().mode == Px4::Mission && rig.truth().position.d > -10.0;
+        assert!(rig.until(120.0, low), "{:?}", rig.truth());
+        rig.done(order);
+        rig.run(20.0);
+        let truth = rig.truth();
+        assert!((-truth.position.d - reached).abs() < 2.0, "{truth:?}");
+        assert_eq!(truth.mode, Px4::Loiter);
+    }
+}
+
 #[test]
 fn without_routes_of_their_types_launch_and_landing_are_plain() {
     let mut rig = Rig::ready();

@@ -79,7 +79,9 @@ pub(crate) fn task(
         // The reported or the commanded landing: aborting is the safe decision for both.
         Mode::AutolandWaveOff
             if at.telemetry.hovers()
-                && (at.telemetry.mode == Some(Px4Mode::LAND) || at.under_way.lands) =>
+                && (at.telemetry.mode == Some(Px4Mode::LAND)
+                    || at.under_way.lands
+                    || lands_from(at).is_some()) =>
         {
             wave_off(command, at)
         }
@@ -132,7 +134,7 @@ fn waypoint(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
     fly(command, RouteType::Flight, at)
 }
 
-/// Mode 20 of a vehicle in AUTO.LAND: climb to the commanded altitude, otherwise to the altitude at which the landing began,
+/// Mode 20 of a vehicle that lands, in AUTO.LAND or by its approach: climb to the commanded altitude, otherwise to the altitude at which the landing began,
 /// since that airspace is known to be free. If neither is known it holds. DO_GO_AROUND is for fixed wings.
 fn wave_off(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result<Task, String> {
     // DO_REPOSITION would make it take off.
@@ -158,7 +160,7 @@ fn wave_off(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
             "mode 20 (wave-off) climbs: commanded {wanted:.1} m AMSL, the vehicle is at {present:.1} m"
         ));
     }
-    match (commanded.or(at.landing_from_m), present) {
+    match (commanded.or(lands_from(at)), present) {
         (Some(amsl_m), Some(present))
             if at.telemetry.hovers() && at.telemetry.airborne() && amsl_m > present + NEAR_M =>
         {
@@ -166,11 +168,28 @@ fn wave_off(command: &VehicleOperatingModeCommand, at: &Situation<'_>) -> Result
                 altitude_amsl_m: Some(amsl_m),
                 ..Commanded::default()
             };
-            let steps = maneuver::reposition(None, amsl_m, None);
-            Ok(Task::Steps(steps.into(), commanded))
+            let mut steps = Vec::new();
+            if at.telemetry.mode == Some(Px4Mode::MISSION) {
+                // It would climb on its way to the item that it flies to.
+                steps.extend(maneuver::enter(&[Px4Mode::LOITER]));
+            }
+            steps.extend(maneuver::reposition(None, amsl_m, None));
+            Ok(Task::Steps(steps, commanded))
         }
         _ => Ok(plain(&[Px4Mode::LOITER], at)),
     }
+}
+
+/// Where the landing of a multicopter began, in AUTO.LAND or by its approach, m above mean sea level; `None` where it does not land.
+fn lands_from(at: &Situation<'_>) -> Option<f64> {
+    let by_approach = || {
+        let flies = at.telemetry.mode == Some(Px4Mode::MISSION) && at.wings.is_none();
+        let seq = at.telemetry.mission.filter(|_| flies)?.seq;
+        let compiled = &at.uploaded?.compiled;
+        let last = compiled.order.last().filter(|_| compiled.lands(seq))?;
+        Some(last.level.amsl(at.telemetry.home?.amsl_m))
+    };
+    at.landing_from_m.or_else(by_approach)
 }
 
 /// Mode 21: climb to an altitude, then fly the launch route if there is one.
