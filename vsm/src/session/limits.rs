@@ -55,6 +55,8 @@ pub(crate) const MONITORS: Rate = Rate::one_in(Duration::from_millis(100), 40);
 pub(crate) const CONVEYED: Rate = Rate::one_in(Duration::from_millis(400), 1);
 /// Single parameters: at once as many as a vehicle has.
 pub(crate) const PARAMETERS: Rate = Rate::one_in(Duration::from_millis(10), 1_000);
+/// Pings of the vehicle (50014): each is a frame on its link, before commands.
+pub(crate) const PINGS: Rate = Rate::one_in(Duration::from_millis(500), 16);
 /// Complete lists of parameters: each takes the vehicle some seconds.
 pub(crate) const PARAMETER_LISTS: Rate = Rate::one_in(Duration::from_secs(5), 4);
 

@@ -244,6 +244,28 @@ fn software_versions_are_reported_on_request() {
     assert_eq!(version(&rig).unwrap().autopilot_version, None);
 }
 
+/// They go before commands, on the link that these need.
+#[test]
+fn a_station_that_pings_without_pause_leaves_the_link_to_commands() {
+    const PING: u32 = 4;
+    let mut rig = Rig::ready();
+    let before = rig.arrived.get(&PING).copied().unwrap_or(0);
+    for number in 0..500 {
+        rig.send_once(PingRequest {
+            ping_number: Some(number),
+            ping_target: Some(PingTarget::Vehicle),
+            ..PingRequest::default()
+        });
+        rig.run(0.02);
+    }
+    let sent = rig.arrived.get(&PING).copied().unwrap_or(0) - before;
+    // 16 at once, then two a second.
+    assert!((16..45).contains(&sent), "{sent} in 10 s");
+    let alerts = rig.station().alerts();
+    let often = "this station pings the vehicle too often";
+    assert!(rig.station().has_alert(often), "{alerts:?}");
+}
+
 #[test]
 fn a_ping_measures_the_way_to_the_vehicle_and_back() {
     let mut rig = Rig::ready_with(Setup {

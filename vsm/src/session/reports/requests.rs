@@ -1,5 +1,6 @@
 //! Requests to the vehicle for a single answer: its software versions (50013), and the round trip of a ping (50015).
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use mapping::status;
@@ -14,14 +15,18 @@ use stanag_msgs::enums::{AckType, PingTarget};
 use stanag_msgs::messages::{PingRequest, PingResponse};
 use stanag_msgs::{Message, table};
 
+use crate::session::allowance::Allowance;
 use crate::session::context::{Context, Origin};
 use crate::session::effects::Effects;
+use crate::session::limits::PINGS;
 
 /// The machine.
 #[derive(Debug, Default)]
 pub(super) struct Requests {
     pings: Vec<Ping>,
     next_ping: u32,
+    /// How many each station may send yet: with as many as are answered a monitor would fill a radio's uplink.
+    allowances: BTreeMap<usize, Allowance>,
     /// Stations that wait for the software, with the fields that they requested.
     software: Vec<(usize, Option<u64>)>,
     software_by: Option<Duration>,
@@ -61,6 +66,14 @@ impl Requests {
                 let why = format!("{MAX_PINGS} pings of this station are pending");
                 effects.refuse(Some(origin), why);
             }
+            PingTarget::Vehicle if !self.may_ping(context.mono(), origin.station) => {
+                let why = format!(
+                    "this station pings the vehicle too often: more than {} times within {} s",
+                    PINGS.at_once,
+                    PINGS.burst().as_secs()
+                );
+                effects.refuse(Some(origin), why);
+            }
             PingTarget::Vehicle => {
                 effects.acknowledge(&origin, AckType::Received);
                 // PING.seq is not the number of the CUCS: two stations may use the same.
@@ -79,6 +92,10 @@ impl Requests {
                 effects.refuse(Some(origin), why);
             }
         }
+    }
+
+    fn may_ping(&mut self, now: Duration, station: usize) -> bool {
+        self.allowances.entry(station).or_default().take(now, PINGS)
     }
 
     /// Outstanding pings of a station.
