@@ -1,58 +1,7 @@
-//! Any datagram: nothing panics, what is decoded is encoded to the same bytes, and the three readings of a message
-//! (struct, walk over the table, JSON) agree on whether it is one.
-
+//! A datagram of the DLI.
 #![no_main]
 
+use kit::any_input::dli;
 use libfuzzer_sys::fuzz_target;
-use stanag_msgs::json::{self, decode_line, encode_line};
-use stanag_msgs::{MAX_DATAGRAM, Message, Packer, Profile, frames, table};
 
-fuzz_target!(|bytes: &[u8]| {
-    for frame in frames(bytes).flatten() {
-        let header = frame.header;
-        let decoded = Message::decode(header.message_type, frame.data);
-        if let Some(info) = table::message(header.message_type) {
-            let walked = table::walk(info, frame.data).collect::<Result<Vec<_>, _>>();
-            match (&decoded, &walked) {
-                (Ok(_), Ok(_)) => {}
-                (Err(fault), Err(other)) => assert_eq!(fault, other),
-                _ => panic!("struct and table differ: {decoded:?}, {walked:?}"),
-            }
-        }
-        assert_eq!(decoded.is_ok(), json::frame(&frame, true).is_ok());
-        let Ok(message) = decoded else { continue };
-
-        let mut data = [0; MAX_DATAGRAM];
-        let length = message.encode_data(&mut data).expect("it has been decoded");
-        let again = Message::decode(header.message_type, &data[..length]).expect("our own bytes");
-        let mut twice = [0; MAX_DATAGRAM];
-        assert_eq!(again.encode_data(&mut twice), Ok(length));
-        assert_eq!(data[..length], twice[..length]);
-
-        let mut packer = Packer::new();
-        let mut sent = 0;
-        packer
-            .push(&header.envelope(), &message, |datagram| {
-                sent += datagram.len()
-            })
-            .expect("it came in a datagram");
-        packer.flush(|datagram| sent += datagram.len());
-        assert!(sent <= MAX_DATAGRAM);
-
-        let mut profile = Profile::default();
-        profile.set("ack_type", "0,1,2").expect("a choice");
-        profile.set("checksum_1", "crc16").expect("a choice");
-        let _ = profile.decode(header.message_type, frame.data);
-    }
-    // The text side: what is printed for a datagram is read back to bytes.
-    let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-    for line in decode_line(&hex, true) {
-        if line.get("error").is_none() {
-            encode_line(&line.to_string(), true).expect("what was decoded can be encoded");
-        }
-    }
-    if let Ok(text) = std::str::from_utf8(bytes) {
-        let _ = encode_line(text, false);
-        let _ = decode_line(text, false);
-    }
-});
+fuzz_target!(|bytes: &[u8]| dli::datagram(bytes));

@@ -1,8 +1,7 @@
-//! The responder of a key exchange under any sequence of messages and time-outs.
+//! The responder of a key exchange under any sequence of messages and timeouts.
 #![no_main]
 
-mod exchange;
-
+use kit::any_input::key_exchange;
 use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|input: &[u8]| exchange::run(false, input));
+fuzz_target!(|bytes: &[u8]| key_exchange::responder(bytes));

@@ -4,8 +4,12 @@
 
 pub mod access_list;
 pub mod config;
+pub mod dli;
+pub mod encrypted_link;
 pub mod frame;
 pub mod ftp;
+pub mod guard;
+pub mod key_exchange;
 pub mod route_file;
 pub mod session;
 pub mod web_frame;

@@ -1,9 +1,46 @@
-//! Both ends of a key exchange, an attacker on the line between them, and time: all of it moved by the input.
+//! Any bytes in a key exchange: as a payload; and as what moves both ends, an attacker on the line between them, and time.
 
 use core::time::Duration;
 
 use mavlink_link::Now;
 use mavlink_link::exchange::*;
+
+/// A payload of KEY_EXCHANGE, and a pairing code: read or refused, and what is read is written as it was.
+///
+/// # Panics
+/// It is written differently.
+pub fn message(payload: &[u8]) {
+    if let Ok(Received::Exchange(message)) = Message::parse(payload) {
+        let written = message.to_payload();
+        assert_eq!(&written[..payload.len()], payload);
+        assert!(written[payload.len()..].iter().all(|byte| *byte == 0));
+        assert_eq!(Message::parse(&written), Ok(Received::Exchange(message)));
+    }
+    if let Ok(text) = core::str::from_utf8(payload)
+        && let Ok(code) = PairingCode::parse(text)
+    {
+        assert_eq!(
+            *PairingCode::parse(&code.text()).unwrap().text(),
+            *code.text()
+        );
+    }
+}
+
+/// The initiator under any sequence of messages and timeouts: bytes of the input go to it.
+///
+/// # Panics
+/// As [`responder`].
+pub fn initiator(input: &[u8]) {
+    run(true, input);
+}
+
+/// The responder under any sequence of messages and timeouts: bytes of the input go to it.
+///
+/// # Panics
+/// The responder holds a key that the initiator does not hold.
+pub fn responder(input: &[u8]) {
+    run(false, input);
+}
 
 #[derive(Default)]
 struct Disk {
@@ -73,8 +110,8 @@ const AIR: Node = Node {
     component: 191,
 };
 
-/// Runs the input, whose own bytes go to one of the two ends. Whatever it is, a key that the responder holds is one that the initiator holds.
-pub fn run(to_initiator: bool, input: &[u8]) {
+/// Whatever the input is, a key that the responder holds is one that the initiator holds.
+fn run(to_initiator: bool, input: &[u8]) {
     let Some((&[kind, fails_at], mut script)) = input.split_first_chunk::<2>() else {
         return;
     };
