@@ -1,4 +1,5 @@
-//! `cargo xtask fuzz`: every target of `tests/fuzz/`, from the seeds of recordings and golden vectors, for a while.
+//! `cargo xtask fuzz`: every target of `tests/fuzz/`, from the seeds of recordings and golden vectors and from what was found before,
+//! for a while; with `--keep` what covers most of what was found is written into the repository.
 //!
 //! The targets are those of cargo-fuzz, built with its flags, so that it can continue from the same corpus; but nothing
 //! has to be installed. Input that breaks a target stays in `tests/fuzz/artifacts`.
@@ -9,13 +10,23 @@ use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context as _, Result, bail};
 
+use crate::corpora;
 use crate::steps::{Steps, cargo, is_there, option, root};
 
 /// Seconds of fuzzing in CI, all targets together; as many run at once as there are cores.
 pub(crate) const A_MINUTE: u32 = 60;
 
+/// `cargo xtask fuzz`.
+pub(crate) fn task(steps: &mut Steps) -> Result<()> {
+    if std::env::args().any(|argument| argument == "--keep") {
+        keep(steps)
+    } else {
+        run(steps, seconds()?)
+    }
+}
+
 /// The value of `--seconds`, or a minute.
-pub(crate) fn seconds() -> Result<u32> {
+fn seconds() -> Result<u32> {
     let Some(given) = option("--seconds") else {
         return Ok(A_MINUTE);
     };
@@ -75,34 +86,21 @@ fn build(host: &str) -> Command {
 
 /// Builds the targets and runs each for its share of the time.
 pub(crate) fn run(steps: &mut Steps, seconds: u32) -> Result<()> {
-    let host = host()?;
-    if !host.contains("linux") || !is_there(Command::new("c++").arg("--version")) {
-        return steps.missing("fuzzing needs Linux and a C++ compiler `c++`");
-    }
-    let fuzz = root().join("tests/fuzz");
-    // What was found stays there, so that the next run continues from it.
-    let corpus = option("--corpus").unwrap_or_else(|| fuzz.join("corpus"));
-    let corpus = std::path::absolute(&corpus)?;
-    // With the whole workspace, as built before: for one package alone the dependencies' features differ.
-    let seeds = [
-        "test",
-        "--locked",
-        "--workspace",
-        "--test",
-        "any_input",
-        "seeds",
-    ];
-    steps.run(cargo(seeds).env("VSM_CORPUS", &corpus))?;
-    steps.run(&mut build(&host))?;
-    let programs = fuzz.join("target").join(&host).join("release");
+    let corpus = corpus()?;
+    let Some(programs) = prepare(steps, &corpus)? else {
+        return Ok(());
+    };
     let each = seconds / u32::try_from(TARGETS.len())?;
     let at_once = std::thread::available_parallelism().map_or(1, usize::from);
     for targets in TARGETS.chunks(at_once) {
         let names: Vec<&str> = targets.iter().map(|(name, _)| *name).collect();
         steps.step(&format!("fuzz {}", names.join(", ")), || {
             let start = |(name, longest): &(&str, u32)| {
-                let mut command =
-                    command(&programs.join(name), &fuzz, &corpus, name, *longest, each)?;
+                let mut command = command(&programs, name, *longest)?;
+                command
+                    .arg(format!("-max_total_time={}", each.max(1)))
+                    .args(["-print_final_stats=1", "-verbosity=0"])
+                    .arg(folder(&corpus, name)?);
                 command.spawn().with_context(|| (*name).to_owned())
             };
             let started: Result<Vec<_>> = targets.iter().map(start).collect();
@@ -118,34 +116,85 @@ pub(crate) fn run(steps: &mut Steps, seconds: u32) -> Result<()> {
     Ok(())
 }
 
-fn command(
-    program: &Path,
-    fuzz: &Path,
-    corpora: &Path,
-    target: &str,
-    longest: u32,
-    seconds: u32,
-) -> Result<Command> {
-    let folder = |all: &Path| -> Result<PathBuf> {
-        let folder = all.join(target);
-        fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-        Ok(folder)
+/// Builds the targets, and writes what covers most of what each has found before into the repository.
+fn keep(steps: &mut Steps) -> Result<()> {
+    let corpus = corpus()?;
+    // The first folder of each merge: what its seeds cover need not be kept. Those of an earlier merge may be made no longer.
+    let merged = root().join("tests/fuzz/target/merged");
+    if merged.exists() {
+        fs::remove_dir_all(&merged).with_context(|| merged.display().to_string())?;
+    }
+    let Some(programs) = prepare(steps, &merged)? else {
+        return Ok(());
     };
-    let (corpus, artifacts) = (folder(corpora)?, folder(&fuzz.join("artifacts"))?);
-    let mut command = Command::new(program);
+    for (name, longest) in TARGETS {
+        let kept = steps.step(&format!("keep what covers most of {name}"), || {
+            let control = merged.join(format!("{name}.control"));
+            let mut command = command(&programs, name, longest)?;
+            command
+                .arg("-set_cover_merge=1")
+                .arg(format!("-merge_control_file={}", control.display()))
+                .arg(folder(&merged, name)?)
+                .arg(folder(&corpus, name)?);
+            let status = command.status().with_context(|| name.to_owned())?;
+            if !status.success() {
+                bail!("{name} ended with {status}");
+            }
+            let control = fs::read_to_string(&control).context("what the merge has noted")?;
+            corpora::keep(name, &control, usize::try_from(longest)?)
+        })?;
+        let file = root().join(format!("tests/fuzz/corpora/{name}.hex"));
+        fs::write(&file, kept.text).with_context(|| file.display().to_string())?;
+        eprintln!("{}", kept.summary);
+    }
+    Ok(())
+}
+
+/// Where what was found stays, so that the next run continues from it.
+fn corpus() -> Result<PathBuf> {
+    let given = option("--corpus").unwrap_or_else(|| root().join("tests/fuzz/corpus"));
+    Ok(std::path::absolute(&given)?)
+}
+
+/// Writes the seeds and what was kept into `corpus` and builds the targets: the folder of their programs, if that can be.
+fn prepare(steps: &mut Steps, corpus: &Path) -> Result<Option<PathBuf>> {
+    let host = host()?;
+    if !host.contains("linux") || !is_there(Command::new("c++").arg("--version")) {
+        steps.missing("fuzzing needs Linux and a C++ compiler `c++`")?;
+        return Ok(None);
+    }
+    // With the whole workspace, as built before: for one package alone the dependencies' features differ.
+    let seeds = [
+        "test",
+        "--locked",
+        "--workspace",
+        "--test",
+        "any_input",
+        "seeds",
+    ];
+    steps.run(cargo(seeds).env("VSM_CORPUS", corpus))?;
+    steps.run(&mut build(&host))?;
+    let target = root().join("tests/fuzz/target");
+    Ok(Some(target.join(host).join("release")))
+}
+
+/// The program of a target, with what holds however it is run.
+fn command(programs: &Path, target: &str, longest: u32) -> Result<Command> {
+    let artifacts = folder(&root().join("tests/fuzz/artifacts"), target)?;
+    let mut command = Command::new(programs.join(target));
     command
         .current_dir(root())
-        .arg(format!("-max_total_time={}", seconds.max(1)))
         .arg(format!("-max_len={longest}"))
-        .args([
-            "-timeout=10",
-            "-rss_limit_mb=2048",
-            "-print_final_stats=1",
-            "-verbosity=0",
-        ])
-        .arg(format!("-artifact_prefix={}/", artifacts.display()))
-        .arg(corpus);
+        .args(["-timeout=10", "-rss_limit_mb=2048"])
+        .arg(format!("-artifact_prefix={}/", artifacts.display()));
     Ok(command)
+}
+
+/// That of a target, which is made if need be.
+fn folder(all: &Path, target: &str) -> Result<PathBuf> {
+    let folder = all.join(target);
+    fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    Ok(folder)
 }
 
 /// The compiler's own target: with it named, programs that run while building are not instrumented.
@@ -160,7 +209,7 @@ fn host() -> Result<String> {
 }
 
 /// The targets, and the longest input of each in bytes.
-const TARGETS: [(&str, u32); 15] = [
+pub(crate) const TARGETS: [(&str, u32); 15] = [
     ("dli_wrapper", 548),
     ("dli_datagram", 548),
     ("dli_guard", 640),

@@ -8,6 +8,7 @@ mod attacks;
 mod bench;
 mod ci;
 mod conform;
+mod corpora;
 mod deb;
 mod dependencies;
 mod faults;
@@ -34,7 +35,7 @@ fn main() -> ExitCode {
         "ci" => ci::run(&mut steps),
         "gen" => generate(&mut steps),
         "bench" => bench::run(&mut steps),
-        "fuzz" => fuzz::seconds().and_then(|seconds| fuzz::run(&mut steps, seconds)),
+        "fuzz" => fuzz::task(&mut steps),
         "conform" => conform::run(&mut steps),
         "kill" => kill::run(&mut steps),
         "attacks" => attacks::run(&mut steps),
@@ -87,7 +88,8 @@ usage: cargo xtask TASK
   bench   run every bench beside the C library, mavlink-router (MAVLINK_ROUTERD, or mavlink-routerd of the search path), MAVSDK and
           pymavlink; print figures, goals and verdicts as Markdown; --table: only the benches of the goals; --docs: those, and
           write docs/reference/performance.md and its picture
-  fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all; --corpus DIR: from and to there
+  fuzz    build and run every fuzz target, for a minute in all; --seconds N: for N seconds in all; --corpus DIR: from and to there;
+          --keep: do not fuzz, write what covers most of what was found to tests/fuzz/corpora
   kill    kill -9 the bridge and the agent at random moments of flights, and check what must not be lost; --times N,
           --side-by-side N, --seed N
   attacks run the tests that attack with at least the counts of a hostile review: forged and replayed frames, bad signatures, floods,

@@ -2,14 +2,16 @@
 //! MAVLink links, configurations. Nothing panics, and what is promised of what goes out is kept.
 //!
 //! `VSM_MUTATIONS=1000000 cargo test --release -p vsm --test any_input` runs it for longer. The same targets are fuzzed
-//! with coverage as a guide (`cargo xtask fuzz`), from the seeds that `VSM_CORPUS=DIR` writes.
+//! with coverage as a guide (`cargo xtask fuzz`), from the seeds that `VSM_CORPUS=DIR` writes, and from what was found before.
 
 mod every_replay;
+mod kept;
 mod seeds;
 
-use kit::Random;
-use kit::any_input::{access_list, config, frame, ftp, route_file, session, web_frame};
-use kit::attacks;
+use std::path::PathBuf;
+
+use kit::any_input::{self, access_list, config, frame, ftp, route_file, session, web_frame};
+use kit::{Random, attacks};
 
 /// What is tried: its name, what it does with bytes, and the bytes that it begins with.
 type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
@@ -53,19 +55,27 @@ fn every_target_holds_on_its_seeds_and_their_mutations() {
 fn seeds_are_there_to_fuzz_from() {
     let datagrams: fn() -> Vec<Vec<u8>> = seeds::datagrams;
     let made = TARGETS.map(|(name, _, seeds)| (name, seeds));
-    for (name, seeds) in made
+    let folder = std::env::var_os("VSM_CORPUS").map(PathBuf::from);
+    let write = |target: &str, name: String, bytes: &[u8]| {
+        if let Some(folder) = &folder {
+            let folder = folder.join(target);
+            std::fs::create_dir_all(&folder).expect("the corpus' folder");
+            std::fs::write(folder.join(name), bytes).expect("a seed");
+        }
+    };
+    for (target, seeds) in made
         .into_iter()
         .chain([("dli_datagram", datagrams), ("dli_wrapper", datagrams)])
     {
         let seeds = seeds();
-        assert!(!seeds.is_empty(), "{name} has no seeds");
-        let Some(folder) = std::env::var_os("VSM_CORPUS") else {
-            continue;
-        };
-        let folder = std::path::Path::new(&folder).join(name);
-        std::fs::create_dir_all(&folder).expect("the corpus' folder");
+        assert!(!seeds.is_empty(), "{target} has no seeds");
         for (number, seed) in seeds.iter().enumerate() {
-            std::fs::write(folder.join(format!("seed-{number:05}")), seed).expect("a seed");
+            write(target, format!("seed-{number:05}"), seed);
+        }
+    }
+    for (target, _) in any_input::TARGETS {
+        for (line, bytes) in any_input::kept(target) {
+            write(target, format!("kept-{line:05}"), &bytes);
         }
     }
 }
