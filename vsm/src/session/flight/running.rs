@@ -5,7 +5,6 @@
 //! has.
 
 use std::mem;
-use std::time::Duration;
 
 use mapping::mode::Px4Mode;
 use mapping::report::{self, Commanded};
