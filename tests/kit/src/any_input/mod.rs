@@ -19,8 +19,11 @@ use std::path::PathBuf;
 
 use crate::process::from_hex;
 
-/// Each target of `tests/fuzz`: its name, and what it does with bytes.
-pub const TARGETS: [(&str, fn(&[u8])); 15] = [
+/// A target of `tests/fuzz`: its name, and what it does with bytes.
+pub type Target = (&'static str, fn(&[u8]));
+
+/// All of them.
+pub const TARGETS: [Target; 15] = [
     ("access_list", access_list::run),
     ("config", config::run),
     ("dli_datagram", dli::datagram),
