@@ -4,10 +4,11 @@
 //! CUCS. Only a wait that commands nothing can run beside it: for the confirmation of a 2008 whose state the vehicle already
 //! has.
 
-use std::mem;
+use std::time::Duration;
+use std::{mem, slice};
 
 use mapping::mode::Px4Mode;
-use mapping::report::{self, Commanded};
+use mapping::report::{self, Commanded, CommandedDirection};
 use stanag_msgs::enums::{AckType, AlertPriority, FlightPathControlMode as Mode, SubsystemId};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
@@ -19,7 +20,8 @@ use super::{Context, Flight, advise_centred, curve_stream, flies_failsafe, selec
 use crate::config::OnLoss;
 use crate::session::context::{Continues, Origin};
 use crate::session::effects::{Effects, Request};
-use crate::session::maneuver::{Maneuver, Progress, Refusal};
+use crate::session::maneuver::{self, Maneuver, Progress, Refusal, Step};
+use crate::session::other::Other;
 
 impl Flight {
     pub(super) fn begin(
@@ -235,7 +237,9 @@ impl Flight {
             self.repeated.ended();
             self.give_up_streams(context);
             self.forget_commanded(context);
-            self.refuse(context, origin, why.to_owned().into(), effects);
+            if !running.stays() {
+                self.refuse(context, origin, why.to_owned().into(), effects);
+            }
         }
         if let Some((origin, _)) = self.look.take_if(|(origin, _)| ends(Some(*origin))) {
             effects.refuse(Some(origin), why);
@@ -361,6 +365,48 @@ impl Flight {
         }
         self.forget_commanded(context);
         self.refuse(context, origin, why, effects);
+        // Not by `run`: what the vehicle says is about what has failed.
+        if origin.is_some() {
+            self.maneuver = self.staying(context).map(|staying| (None, staying));
+        }
+    }
+
+    /// What keeps the vehicle in its mode where it was sent sticks for a mode 2 that it did not enter: it would leave that for their loss.
+    fn staying(&self, context: &Context<'_>) -> Option<Maneuver> {
+        let telemetry = &context.vehicle.telemetry;
+        let within = lost_within(context.parameters.values);
+        let misses = self.sticks.will_be_missed(context.mono(), within);
+        if !misses || !context.vehicle.may_fly() || context.vehicle.awaits_mode() {
+            return None;
+        }
+        if matches!(Other::of(telemetry), Some(Other::Failsafe(_))) {
+            return None;
+        }
+        let mode = telemetry.mode?;
+        let mut commanded = self.commanded;
+        let steps = if mode == Px4Mode::ORBIT {
+            let circle = telemetry.orbit?;
+            let centre = (circle.centre.latitude, circle.centre.longitude);
+            let altitude = commanded.altitude_amsl_m;
+            let speed = commanded.speed_m_s;
+            maneuver::orbit(centre, altitude, circle.radius_m, speed, true, None)
+        } else {
+            let mode = STAYED_IN.iter().find(|one| **one == mode)?;
+            if *mode == Px4Mode::MISSION {
+                // PX4 forgets a speed as it leaves the route.
+                commanded = Commanded::default();
+            }
+            let mut steps: Vec<Step> = maneuver::enter(slice::from_ref(mode)).into();
+            // It enters the mode along the course that it has by then.
+            if *mode == Px4Mode::COURSE
+                && let Some(CommandedDirection::Steady { heading, course }) = commanded.direction
+                && let Some(course) = course.or(heading)
+            {
+                steps.extend(maneuver::course(course.radians()));
+            }
+            steps
+        };
+        Some(Maneuver::new(steps, commanded).staying(within))
     }
 
     /// Answers the commands of the maneuver, or lets them wait for the vehicle's reason.
@@ -418,6 +464,15 @@ fn is_outdated(demand: &Origin, later: Origin) -> bool {
     }
 }
 
+/// The modes that a vehicle is sent back to by their number alone, not a take-off, whose climb is commanded with it.
+static STAYED_IN: [Px4Mode; 6] = [
+    Px4Mode::LOITER,
+    Px4Mode::MISSION,
+    Px4Mode::OFFBOARD,
+    Px4Mode::COURSE,
+    Px4Mode::LAND,
+    Px4Mode::RTL,
+];
 /// Maximum number of commands that are answered with one maneuver.
 const MAX_JOINED: usize = 64;
 const TOO_EARLY: &str =

@@ -168,7 +168,7 @@ impl Steering {
     /// The mode is commanded once more after the vehicle has shown it: a report of another one does not end the set points.
     pub(super) fn enter_once_more(&mut self) {
         if let Some(flown) = &mut self.flown {
-            flown.entered = false;
+            (flown.entered, flown.given_up) = (false, None);
         }
     }
 

@@ -10,7 +10,8 @@
 //! It ends as soon as another mode is commanded, before the vehicle shows that: sticks that are let go at that moment would take it
 //! back (MAN_OVERRIDE_SPD), and so would those that were sent before ([`Sticks::stand_still`]). PX4 then misses them in whatever mode
 //! follows, as it does sticks that fail, until a mode is commanded once it does: see
-//! [`Again::AfterSticks`](crate::session::maneuver).
+//! [`Again::AfterSticks`](crate::session::maneuver). So it is where mode 2 is refused: the mode that is flown is commanded again
+//! ([`Maneuver::staying`](crate::session::maneuver::Maneuver::staying)).
 //!
 //! A failsafe of PX4 may take the vehicle out of the mode while sticks arrive, as at a fence. PX4 would miss them there too, and leave
 //! the failsafe's mode for what that is to do. So centred ones are sent for as long as they arrive ([`Sticks::stand_aside`]), also after
@@ -85,6 +86,8 @@ enum Stream {
     Lost(Duration),
     /// A failsafe of PX4 has the vehicle: centred ones are sent in place of those that arrive.
     Aside,
+    /// Mode 2 was not entered: the last is sent once more, as another mode is entered.
+    Ending,
 }
 
 /// What is due now.
@@ -145,7 +148,7 @@ impl Sticks {
     /// a pilot is flying.
     pub(super) fn steer(&self, now: Duration) -> bool {
         match self.stream {
-            Stream::Off | Stream::Aside => false,
+            Stream::Off | Stream::Aside | Stream::Ending => false,
             Stream::Entering | Stream::Flying => true,
             Stream::Lost(since) => now.saturating_sub(since) < LEFT_WITHIN,
         }
@@ -215,12 +218,17 @@ impl Sticks {
     /// Mode 2 was not entered: the sticks end, unless a failsafe of PX4 has the vehicle and would be left for want of them. Returns
     /// whether centred ones follow.
     pub(super) fn give_up(&mut self, failsafe: bool) -> bool {
-        if self.stream == Stream::Entering && failsafe && self.expected {
-            self.stream = Stream::Aside;
-            return true;
-        }
-        if !self.are_aside() {
-            self.release();
+        match self.stream {
+            Stream::Entering if failsafe && self.expected => {
+                self.stream = Stream::Aside;
+                return true;
+            }
+            Stream::Entering => {
+                self.stream = Stream::Ending;
+                self.due = self.sent + self.apart;
+            }
+            Stream::Aside | Stream::Ending => {}
+            Stream::Off | Stream::Flying | Stream::Lost(_) => self.release(),
         }
         false
     }
@@ -254,6 +262,12 @@ impl Sticks {
         let by_hand = mode == Some(Px4Mode::POSCTL);
         match self.stream {
             Stream::Off => return Due::None,
+            Stream::Ending if !self.are_apart(now) => return Due::None,
+            Stream::Ending => {
+                let still = self.stand_still(now, system);
+                self.release();
+                return still.map_or(Due::None, Due::Send);
+            }
             // A report from before the command may show an earlier POSCTL.
             Stream::Entering if by_hand && newer => self.stream = Stream::Flying,
             Stream::Entering => {}
@@ -318,6 +332,11 @@ impl Sticks {
         self.expected
     }
 
+    /// Whether it is still to miss those that have ended.
+    pub(super) fn will_be_missed(&self, now: Duration, lost_within: Duration) -> bool {
+        self.expected && now.saturating_sub(self.sent) <= lost_within
+    }
+
     /// It does so no longer: a mode was commanded since.
     pub(super) fn are_ended(&mut self) {
         self.expected = false;
@@ -330,7 +349,7 @@ impl Sticks {
 
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         match self.stream {
-            Stream::Entering | Stream::Flying | Stream::Aside => Some(self.due),
+            Stream::Entering | Stream::Flying | Stream::Aside | Stream::Ending => Some(self.due),
             Stream::Off | Stream::Lost(_) => None,
         }
     }

@@ -52,6 +52,7 @@ pub(crate) struct Maneuver {
     /// Sent when the maneuver fails: a launch that fails leaves no running motors.
     undo: Option<Command>,
     ends_sticks: bool,
+    stays: bool,
     armed_by_us: bool,
     /// The command that had no answer although the vehicle may show its effect; its name and attempts.
     unanswered: Option<(&'static str, u8)>,
@@ -130,6 +131,7 @@ impl Maneuver {
             commanded,
             undo: None,
             ends_sticks: false,
+            stays: false,
             armed_by_us: false,
             unanswered: None,
             commanded_at: None,
@@ -234,6 +236,22 @@ impl Maneuver {
             self.ends_sticks = true;
         }
         self
+    }
+
+    /// The same for a vehicle that flies the mode already, and has not entered that of the sticks: nothing is commanded before it misses
+    /// them.
+    pub(crate) fn staying(self, lost_within: Duration) -> Maneuver {
+        let mut maneuver = self.ending_sticks(lost_within);
+        maneuver.steps.pop_front();
+        // Its failsafe for lost sticks leaves the mode.
+        maneuver.basis = Basis::Entering;
+        maneuver.stays = true;
+        maneuver
+    }
+
+    /// Whether it is one of these, for which nobody waits.
+    pub(crate) fn stays(&self) -> bool {
+        self.stays
     }
 
     /// Whether it was made to end a flight by sticks.
