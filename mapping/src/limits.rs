@@ -242,6 +242,23 @@ pub fn disc(centre: (f64, f64), radius_m: f64) -> Vec<(f64, f64)> {
     std::iter::once(centre).chain(circle).collect()
 }
 
+/// The places flown over along a figure of eight: half its length and the radius of its ends, m, and the direction of its long axis, rad
+/// from true north. Half its length is at least twice the radius.
+#[must_use]
+pub fn eight(centre: (f64, f64), half_m: f64, radius_m: f64, bearing_rad: f64) -> Vec<(f64, f64)> {
+    // Up to where the straight ways through the middle touch the end.
+    let touches = std::f64::consts::PI - (radius_m / (half_m - radius_m)).clamp(0.0, 1.0).acos();
+    let end = |course: f64, way: f64| {
+        let middle = moved(centre, course, half_m - radius_m);
+        (0..=POINTS_OF_CIRCLE).map(move |part| {
+            let share = 2.0 * f64::from(part) / f64::from(POINTS_OF_CIRCLE) - 1.0;
+            moved(middle, course + way * share * touches, radius_m)
+        })
+    };
+    let other = bearing_rad + std::f64::consts::PI;
+    end(bearing_rad, 1.0).chain(end(other, -1.0)).collect()
+}
+
 /// The widest circle, m: for a multicopter MC_ORBIT_RAD_MAX (PX4 accepts a wider one, and then stops), for a fixed wing the
 /// maximum of NAV_LOITER_RAD.
 pub const WIDEST_CIRCLE_M: f64 = 1_000.0;

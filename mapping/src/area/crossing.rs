@@ -36,11 +36,16 @@ pub fn circle_crossing(
     centre: (f64, f64),
     radius_m: f64,
 ) -> Option<Crossing> {
-    let bounds = numbered(areas);
     // Chords: they leave out 0.4 % of the radius.
-    let rim = disc(centre, radius_m).split_off(1);
-    let next = rim.iter().cycle().skip(1);
-    let mut chords = rim.iter().zip(next);
+    way_crossing(areas, &disc(centre, radius_m).split_off(1))
+}
+
+/// The first area that a way through these places, and back to the first, crosses.
+#[must_use]
+pub fn way_crossing(areas: &[(u16, Area)], places: &[(f64, f64)]) -> Option<Crossing> {
+    let bounds = numbered(areas);
+    let next = places.iter().cycle().skip(1);
+    let mut chords = places.iter().zip(next);
     chords.find_map(|(from, to)| crossed(&bounds, *from, *to))
 }
 
@@ -162,6 +167,50 @@ mod tests {
         let centre = (47.05, 8.05);
         let shape = Shape::Circle { centre, radius_m };
         Area { keep_in, shape }
+    }
+
+    #[test]
+    fn an_eight_is_flown_along_both_ends_and_through_its_middle() {
+        let middle = (47.05, 8.05);
+        // 2 km long to the north-east, with ends of 300 m.
+        let bearing = std::f64::consts::FRAC_PI_4;
+        let way = crate::limits::eight(middle, 1_000.0, 300.0, bearing);
+        let from_middle = |at: &(f64, f64)| crate::limits::metres(middle, *at);
+        let farthest = way.iter().map(from_middle).fold(0.0, f64::max);
+        assert!((farthest - 1_000.0).abs() < 5.0, "{farthest}");
+        let crosses =
+            |areas: &[(u16, Area)]| way_crossing(areas, &way).map(|crossing| crossing.to_string());
+        assert_eq!(crosses(&[(9, in_the_middle(true, 1_010.0))]), None);
+        let leaves = "leaves area 9, to stay inside";
+        let bounded = [(9, in_the_middle(true, 900.0))];
+        assert_eq!(crosses(&bounded).as_deref(), Some(leaves));
+        let enters = "enters area 3, to stay outside of";
+        let at = |course: f64, distance_m: f64| {
+            let centre = crate::limits::moved(middle, course, distance_m);
+            let shape = Shape::Circle {
+                centre,
+                radius_m: 50.0,
+            };
+            let keep_in = false;
+            [(3, Area { keep_in, shape })]
+        };
+        // On its middle and its tips; not within its ends, nor beside its middle.
+        for (course, distance_m) in [(0.0, 0.0), (bearing, 1_000.0), (bearing, -1_000.0)] {
+            assert_eq!(crosses(&at(course, distance_m)).as_deref(), Some(enters));
+        }
+        for (course, distance_m) in [
+            (bearing, 700.0),
+            (bearing, -700.0),
+            (bearing + 1.6, 200.0),
+            (bearing + 1.6, -200.0),
+            (bearing + 1.6, 1_000.0),
+        ] {
+            assert_eq!(
+                crosses(&at(course, distance_m)),
+                None,
+                "{course} {distance_m}"
+            );
+        }
     }
 
     #[test]

@@ -4,13 +4,14 @@
 use kit::bridge::{Rig, Setup, orders, vehicle_id};
 use px4_sim::{Airframe, Config, HealthFaults, Mode as Px4, VtolState};
 use stanag_msgs::enums::{
-    AckType, AltitudeCommandType, AltitudeType, FlightPathControlMode as Mode, HeadingCommandType,
-    LoiBitmap, LoiterType, MissionPlanMode, RequestedAccess, RouteType,
+    AckType, AltitudeCommandType, AltitudeType, AreaPlanMode, AreaType,
+    FlightPathControlMode as Mode, HeadingCommandType, LoiBitmap, LoiterType, MissionPlanMode,
+    RequestedAccess, RouteType,
 };
 use stanag_msgs::messages::{
-    CucsAuthorisationRequest, LoiterConfiguration, MissionTransferCommand,
-    PositiveHandoverAuthorisationRequest, UaPositionWaypoint, UaRoute, VehicleOperatingModeCommand,
-    VehicleSpecificWaypoint,
+    AreaTransferCommand, AreaVertex, CucsAuthorisationRequest, LoiterConfiguration,
+    MissionTransferCommand, PositiveHandoverAuthorisationRequest, UaPositionWaypoint, UaRoute,
+    VehicleOperatingModeCommand, VehicleSpecificWaypoint,
 };
 use stanag_msgs::{Bam16, Bam32, Message, Scaled, Text};
 
@@ -278,6 +279,68 @@ fn a_hold_in_a_transition_to_wings_ends_in_a_loiter_on_them() {
     );
     rig.run(30.0);
     assert!(held(&rig) && !rig.truth().landed, "{:?}", rig.truth());
+}
+
+/// PX4's DO_CHANGE_ALTITUDE would make a circle of it, and it compares only the centre with its fence.
+#[test]
+fn an_eight_is_kept_at_another_altitude_and_refused_where_it_leaves_the_fence() {
+    let mut rig = flies(Airframe::Plane, "");
+    let (latitude, longitude) = orders::place(0.0, 0.0);
+    rig.done(AreaVertex {
+        area_id: Some(1),
+        area_type: Some(AreaType::KeepInCircle),
+        vertex_count: Some(1),
+        vertex_number: Some(1),
+        latitude: Some(Bam32::from_degrees(latitude)),
+        longitude: Some(Bam32::from_degrees(longitude)),
+        radius: Some(1_500.0),
+        ..AreaVertex::default()
+    });
+    rig.done(AreaTransferCommand {
+        area_plan_mode: Some(AreaPlanMode::Load),
+        ..AreaTransferCommand::default()
+    });
+    let of_length = |length_m: f64| LoiterConfiguration {
+        loiter_type: Some(LoiterType::Figure8),
+        loiter_length: Some(Scaled::saturating_from_si(length_m)),
+        loiter_bearing: Some(Bam16::from_degrees(90.0)),
+        ..LoiterConfiguration::default()
+    };
+    let around = |north| {
+        let (latitude, longitude) = orders::place(north, 0.0);
+        VehicleOperatingModeCommand {
+            loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
+            loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
+            ..orders::mode(Mode::Loiter)
+        }
+    };
+    // NAV_LOITER_RAD is 80 m.
+    rig.done(of_length(300.0));
+    assert_eq!(rig.carry_out(around(0.0)), Some(AckType::Refused));
+    rig.run(0.5);
+    let why = "at least four times the vehicle's own radius";
+    assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
+    rig.done(of_length(600.0));
+    assert_eq!(rig.carry_out(around(1_450.0)), Some(AckType::Refused));
+    rig.run(0.5);
+    let why = "the figure 8 of 600 m leaves area 1, to stay inside";
+    assert!(rig.station().has_alert(why), "{:?}", rig.station().alerts());
+    rig.done(around(0.0));
+    rig.run(60.0);
+    rig.done(VehicleOperatingModeCommand {
+        altitude_command_type: Some(AltitudeCommandType::Altitude),
+        commanded_altitude: Some(Scaled::saturating_from_si(80.0)),
+        altitude_type: Some(AltitudeType::Agl),
+        ..VehicleOperatingModeCommand::default()
+    });
+    rig.run(30.0);
+    let mut banks = Vec::new();
+    for _ in 0..240 {
+        rig.run(0.5);
+        banks.push(rig.truth().attitude[0]);
+    }
+    let turns = |to: f64| banks.iter().any(|bank| bank * to > 0.2);
+    assert!(turns(1.0) && turns(-1.0), "{banks:?}");
 }
 
 #[test]

@@ -433,6 +433,19 @@ impl Vehicle {
             }
             return Answer::Accepted;
         }
+        let winged = self.body.flown_as() == Airframe::Plane;
+        if holding && winged && !target.n.is_finite() && target.d.is_finite() {
+            // The loiter is kept, an eight too.
+            let kept = self.navigator.kept_loiter();
+            self.hold_at(Reposition {
+                target: Ned {
+                    d: target.d,
+                    ..kept.target
+                },
+                ..kept
+            });
+            return Answer::Accepted;
+        }
         let answer = if change_mode {
             self.switch(Mode::Loiter, None)
         } else {
@@ -467,8 +480,11 @@ impl Vehicle {
             return Answer::TemporarilyRejected;
         }
         let kept = self.navigator.kept_loiter();
+        // PX4 takes over the radius, which of an eight is half its length, and not the pattern.
         self.hold_at(Reposition {
             target: Ned { d, ..kept.target },
+            radius: kept.eight.map(|[half, ..]| half).or(kept.radius),
+            eight: None,
             ..kept
         });
         Answer::Accepted

@@ -111,6 +111,14 @@ pub(super) fn pattern(loiter: &LoiterConfiguration, airframe: Airframe) -> Resul
     }
 }
 
+/// A figure of eight as PX4 flies it where the vehicle's own radius is this: half its length and the radius of its ends, m, and the
+/// direction of its long axis, rad (Navigator, DO_FIGUREEIGHT).
+pub(super) fn eight([half_m, radius_m, bearing]: [Option<f64>; 3], own_m: f64) -> [f64; 3] {
+    let radius_m = radius_m.unwrap_or(own_m);
+    let half_m = half_m.unwrap_or(2.5 * radius_m).max(2.0 * radius_m);
+    [half_m, radius_m, bearing.unwrap_or(0.0)]
+}
+
 /// 2017 is a configuration message: an absent field keeps its last value.
 fn merge(old: &LoiterConfiguration, new: &LoiterConfiguration) -> LoiterConfiguration {
     let loiter_type = new.loiter_type.or(old.loiter_type);

@@ -249,7 +249,7 @@ pub(crate) fn course(course_rad: f64) -> [Step; 2] {
     ]
 }
 
-/// MAV_CMD_DO_CHANGE_ALTITUDE: PX4 accepts it in AUTO.LOITER and GUIDED_COURSE, and keeps circle and course.
+/// MAV_CMD_DO_CHANGE_ALTITUDE: PX4 accepts it in AUTO.LOITER and GUIDED_COURSE, and keeps circle and course, but no figure eight.
 pub(crate) fn change_altitude(amsl_m: f64) -> [Step; 2] {
     const FRAME_GLOBAL: f32 = 0.0;
     [

@@ -141,8 +141,26 @@ fn a_figure_eight_turns_both_ways() {
     flight.run(30.0);
     let mark = flight.track.len();
     flight.run(90.0);
-    let banks: Vec<f64> = flight.track[mark..].iter().map(|t| t.attitude[0]).collect();
-    assert!(banks.iter().any(|bank| *bank > 0.2) && banks.iter().any(|bank| *bank < -0.2));
+    let turns_both_ways = |flight: &Flight, mark: usize| {
+        let banks = || flight.track[mark..].iter().map(|t| t.attitude[0]);
+        banks().any(|bank| bank > 0.2) && banks().any(|bank| bank < -0.2)
+    };
+    assert!(turns_both_ways(&flight, mark));
+    // An altitude alone keeps it by DO_REPOSITION, but not by DO_CHANGE_ALTITUDE.
+    for (command, params, keeps) in [
+        (
+            192,
+            [-1.0, 1.0, 0.0, f32::NAN, f32::NAN, f32::NAN, 558.0],
+            true,
+        ),
+        (186, [568.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], false),
+    ] {
+        assert_eq!(flight.command(command, &params), Some(0));
+        flight.run(40.0);
+        let mark = flight.track.len();
+        flight.run(90.0);
+        assert_eq!(turns_both_ways(&flight, mark), keeps, "{command}");
+    }
     let mut quad = Flight::ready();
     assert_eq!(quad.command(35, &here), Some(3));
 }

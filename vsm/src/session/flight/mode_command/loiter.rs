@@ -2,8 +2,8 @@
 
 use curve_paths::Position;
 use mapping::altitude::Level;
-use mapping::area::circle_crossing;
-use mapping::limits::{HeightError, disc};
+use mapping::area::{circle_crossing, way_crossing};
+use mapping::limits::{HeightError, disc, eight};
 use mapping::mode::Px4Mode;
 use mapping::report::Commanded;
 use mapping::route::check_way;
@@ -149,10 +149,7 @@ pub(super) fn flown_over(
         Pattern::Own => own_m,
         Pattern::Circle(radius_m) => radius_m,
         // For any direction of its long axis.
-        Pattern::FigureEight([half_m, radius_m, _]) => {
-            let radius_m = radius_m.unwrap_or(own_m);
-            half_m.unwrap_or(radius_m) + radius_m
-        }
+        Pattern::FigureEight(shape) => settings::eight(shape, own_m)[0],
     };
     Ok(disc(centre, radius_m))
 }
@@ -268,10 +265,24 @@ fn go(
         && !hovers;
     let keeps = keeps && !draft.restarts;
     match (place.or((!hovers).then_some(here)), pattern) {
-        _ if keeps => draft.steps.extend(maneuver::change_altitude(amsl_m)),
+        // DO_CHANGE_ALTITUDE would make a circle of an eight, with half its length as its radius (Navigator::run).
+        _ if keeps => {
+            let steps = maneuver::reposition(None, amsl_m, None);
+            draft.steps.extend(steps);
+        }
         (Some(place), Pattern::FigureEight(shape)) => {
-            if let (Some(wings), [_, Some(radius_m), _]) = (&at.wings, shape) {
-                wings::check_circle(wings, radius_m, draft.speed_m_s, at)?;
+            if let Some(wings) = &at.wings {
+                let [half_m, radius_m, _] = settings::eight(shape, wings.loiter_radius_m.abs());
+                if let Some(wanted_m) = shape[0].filter(|wanted_m| *wanted_m < half_m) {
+                    return Err(format!(
+                        "Loiter Type 3 (figure 8): Loiter Length {:.0} m, at least four times the vehicle's own radius of {radius_m:.0} m \
+                         (NAV_LOITER_RAD), or configure a Loiter Radius (2017)",
+                        2.0 * wanted_m
+                    ));
+                }
+                if shape[1].is_some() {
+                    wings::check_circle(wings, radius_m, draft.speed_m_s, at)?;
+                }
             }
             draft
                 .steps
@@ -325,24 +336,33 @@ fn hovers_here(at: &Situation<'_>) -> bool {
     at.settled_mode() == Some(Px4Mode::LOITER) && away.is_some_and(|away| away.ground_m == 0.0)
 }
 
-/// PX4 compares a place to hover at with its fence (DO_REPOSITION), but no circle of a multicopter, and of one on wings only the centre.
-/// A circle where the vehicle is already is flown: refusing it would not stop the vehicle.
+/// PX4 compares a place to hover at with its fence (DO_REPOSITION), but no circle of a multicopter, and of one or an eight on wings only
+/// the centre. A circle where the vehicle is already is flown: refusing it would not stop the vehicle.
 fn within_the_fence(
     place: (f64, f64),
     pattern: Pattern,
     hovers: bool,
     at: &Situation<'_>,
 ) -> Result<(), String> {
-    let radius_m = match (pattern, &at.wings) {
-        (Pattern::Circle(radius_m), _) => radius_m,
-        (Pattern::Own, Some(wings)) if !hovers => wings.loiter_radius_m.abs(),
-        _ => return Ok(()),
-    };
     let (configured, loaded) = at.fence;
-    match circle_crossing(&loaded.numbered_with(configured), place, radius_m) {
-        Some(crossing) => Err(format!(
-            "mode 12 (loiter): the circle of {radius_m:.0} m {crossing}"
-        )),
+    let areas = || loaded.numbered_with(configured);
+    let circle = |radius_m: f64| {
+        let crossing = circle_crossing(&areas(), place, radius_m);
+        crossing.map(|crossing| format!("circle of {radius_m:.0} m {crossing}"))
+    };
+    let crossing = match (pattern, &at.wings) {
+        (Pattern::Circle(radius_m), _) => circle(radius_m),
+        (Pattern::Own, Some(wings)) if !hovers => circle(wings.loiter_radius_m.abs()),
+        (Pattern::FigureEight(shape), Some(wings)) => {
+            let own_m = wings.loiter_radius_m.abs();
+            let [half_m, radius_m, bearing] = settings::eight(shape, own_m);
+            let crossing = way_crossing(&areas(), &eight(place, half_m, radius_m, bearing));
+            crossing.map(|crossing| format!("figure 8 of {:.0} m {crossing}", 2.0 * half_m))
+        }
+        _ => None,
+    };
+    match crossing {
+        Some(crossing) => Err(format!("mode 12 (loiter): the {crossing}")),
         None => Ok(()),
     }
 }
