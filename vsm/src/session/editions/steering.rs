@@ -56,6 +56,8 @@ pub(crate) struct Steering {
     demand: Option<Demand>,
     /// The last #41.
     loiter: Option<Record>,
+    /// A #42 has commanded mode 12.
+    has_loitered: bool,
     /// The last #48: altitude, speed, course and heading.
     preference: [u8; 3],
     /// Which of them were 1, have fallen back, and have not been set to anything else since.
@@ -176,10 +178,14 @@ impl Steering {
         if let Some(demand) = demand.filter(|one| mode == WAYPOINT && one.waypoint) {
             name_waypoint(&demand.record, &mut command);
         }
+        // That of before a restart of the VSM is not known: radius and type are kept as a 2017, altitude and speed are not.
+        let unconfigured = self.loiter.is_none() && self.preference[0] == 0;
+        let notice = (mode == LOITER && unconfigured && !self.has_loitered)
+            .then(|| NO_LOITER_CONFIGURATION.to_owned());
         Ok(Order {
             message: command.message()?,
             latch: Latch::Mode(mode, seconds),
-            notice: None,
+            notice,
             takes_demand,
         })
     }
@@ -341,6 +347,7 @@ impl Steering {
     pub(super) fn accept(&mut self, latch: Latch, refused: bool) -> bool {
         match latch {
             Latch::Mode(mode, seconds) => {
+                self.has_loitered |= mode == LOITER;
                 // A #43 must not name a mode that is not entered.
                 if !refused {
                     self.mode_at = Some(seconds);
@@ -522,6 +529,8 @@ const AUTOPILOT: u8 = 15;
 const WAVE_OFF: u8 = 20;
 const LAUNCH: u8 = 21;
 const NO_LOITER_ALTITUDE: &str = "#41: Loiter Altitude 0 is not flown to: mode 12 (loiter) keeps the altitude that the vehicle has";
+const NO_LOITER_CONFIGURATION: &str = "#42: mode 12 (loiter) keeps the altitude and the speed that the vehicle has: no #41 has been received since control was \
+                                       gained, or since the start of this VSM";
 /// Within this time a mode is entered or was refused.
 const ENTERED_WITHIN_S: f64 = 5.0;
 /// A #42 and a #43 within this time are one command. Longer, and a hold would take the values of a steering before it.
@@ -591,6 +600,26 @@ mod tests {
         // A launch takes the last one, also where it is that of the launch before.
         take(&mut steering, &record(43, 8.0, &higher));
         assert_eq!(metres(&mode(&mut steering, LAUNCH, 9.0)), Some(60.0));
+    }
+
+    /// A restart of the VSM forgets its altitude and its speed.
+    #[test]
+    fn a_loiter_without_a_configuration_is_named_once() {
+        let notices = |steering: &mut Steering| -> Vec<bool> {
+            let mut named = Vec::new();
+            for seconds in [1.0, 10.0] {
+                let loiter = record(42, seconds, &[(4, f64::from(LOITER))]);
+                let order = steering.order(&loiter).expect("it is taken");
+                named.push(order.notice.is_some_and(|text| text.contains("no #41")));
+                steering.accept(order.latch, false);
+            }
+            named
+        };
+        assert_eq!(notices(&mut Steering::default()), [true, false]);
+        let mut configured = Steering::default();
+        let order = configured.order(&record(41, 0.0, &[(9, 50.0)]));
+        configured.accept(order.expect("it is taken").latch, false);
+        assert_eq!(notices(&mut configured), [false, false]);
     }
 
     #[test]
