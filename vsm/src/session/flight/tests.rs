@@ -947,20 +947,20 @@ fn a_loiter_configuration_is_stored_before_it_applies_and_refused_by_a_full_disk
     };
     let radius_m = |flight: &Flight| flight.view().loiter.loiter_radius.map(|radius| radius.si());
     let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
-    let answers = command(&mut world, &mut flight, circle(40.0));
+    let answers = command(&mut world, &mut flight, circle(60.0));
     assert_eq!(answers, [AckType::CarriedOut]);
     let mut restarted = Flight::default();
     let restored = world.act(|_, _, effects| restarted.restore(effects));
     restored.expect("its record");
-    assert!(radius_m(&restarted).is_some_and(|radius_m| (radius_m - 40.0).abs() < 0.1));
+    assert!(radius_m(&restarted).is_some_and(|radius_m| (radius_m - 60.0).abs() < 0.1));
     assert_eq!(radius_m(&restarted), radius_m(&flight));
 
     world.fill_disk();
-    let answers = command(&mut world, &mut flight, circle(60.0));
+    let answers = command(&mut world, &mut flight, circle(90.0));
     assert_eq!(answers, [AckType::Refused]);
     assert_eq!(radius_m(&restarted), radius_m(&flight));
     // The same once more is there already.
-    let answers = command(&mut world, &mut flight, circle(40.0));
+    let answers = command(&mut world, &mut flight, circle(60.0));
     assert_eq!(answers, [AckType::CarriedOut]);
 }
 
