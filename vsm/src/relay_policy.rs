@@ -239,16 +239,17 @@ pub(crate) fn reads_files(payload: &[u8]) -> bool {
     matches!(byte(payload, 6), 0..=5 | 14 | 15)
 }
 
-/// Whether a FILE_TRANSFER_PROTOCOL message names a path by which PX4's key can be read: mavlink/mavlink-signing-key.bin on its card,
-/// which PX4 gives anybody who may read files. Beside the folder that is a short name of FAT (MAVLIN~1.BIN), the card as a
-/// device, and the memory of a process, where PX4 runs on Linux.
+/// Whether a FILE_TRANSFER_PROTOCOL message names a path by which PX4's key can be read.
 fn may_reach_key(payload: &[u8]) -> bool {
-    // Of a write it is the content of a file; of what has no path, nothing.
-    if byte(payload, 6) == WRITE_FILE {
-        return false;
-    }
-    // Two paths where one is renamed. PX4 reads no further than a size that stands before them.
-    let paths = payload.get(15..).unwrap_or_default();
+    // Of a write it is the content of a file; of what has no path, nothing. PX4 reads no further than a size that stands before
+    // a path.
+    byte(payload, 6) != WRITE_FILE && reaches_key(payload.get(15..).unwrap_or_default())
+}
+
+/// Whether PX4's key can be read by a path, or by one of two behind a zero, as where one is renamed: mavlink/mavlink-signing-key.bin on
+/// its card, which PX4 gives anybody who may read files. Beside the folder that is a short name of FAT (MAVLIN~1.BIN), the card
+/// as a device, and the memory of a process, where PX4 runs on Linux.
+pub(crate) fn reaches_key(paths: &[u8]) -> bool {
     let mut folder = paths.windows(KEY_FOLDER.len());
     let mut names = paths.split(|byte| matches!(byte, 0 | b'/'));
     let is_system = |name: &[u8]| {

@@ -25,9 +25,10 @@ pub enum FileRefusal {
          receives no command while it computes their checksum"
     )]
     TooLargeInFlight(u32, &'static str),
-    /// A signing key.
+    /// A signing key, or what it can be read by.
     #[error(
-        "{0} is PX4's signing key: keys are changed by \"vsm key\", and leave the vehicle by no other way"
+        "{0} is, or leads to, PX4's signing key: no path with \"mavlink\" or \"~\" in it, and none below dev or proc, is opened; keys are \
+         changed by \"vsm key\", and leave the vehicle by no other way"
     )]
     KeyFile(String),
     /// Another operation is under way, or the file is too large.

@@ -15,6 +15,7 @@ use mavlink_link::service::command::{Command, Payload, Repetition};
 use mavlink_link::service::ftp::{Event, FilePath, Operation};
 
 use super::link::services::Services;
+use crate::relay_policy::reaches_key;
 
 /// The machine, one for each kind of definitions.
 #[derive(Debug)]
@@ -256,7 +257,7 @@ impl MetadataReader {
 /// A path that the vehicle names, as one to read; the link is not encrypted, and a key is not for it.
 fn readable(named: Result<String, MetadataError>) -> Result<FilePath, String> {
     let path = named.map_err(|why| why.to_string())?;
-    if path.to_ascii_lowercase().contains(KEY_FILE) {
+    if reaches_key(path.as_bytes()) {
         return Err(format!(
             "the vehicle names {path:?}: expected a file of metadata, not its key"
         ));
@@ -273,8 +274,6 @@ fn request() -> Command {
 }
 
 const COMPONENT_METADATA: f32 = 397.0;
-/// A part of the name of PX4's key file, `/fs/microsd/mavlink/mavlink-signing-key.bin`.
-pub(super) const KEY_FILE: &str = "mavlink-signing-key";
 /// PX4's definitions of events have 18 kB packed, those of parameters 64; the first are read in flight, too.
 const MAX_FILE: u32 = super::files::MAX_IN_FLIGHT;
 const TRIES: u32 = 5;
@@ -326,6 +325,8 @@ mod tests {
     fn neither_the_key_of_the_vehicle_nor_an_address_elsewhere_is_read() {
         for uri in [
             "mftp://fs/microsd/mavlink/MAVLINK-signing-key.bin",
+            "mftp://fs/microsd/MAVLINK/MAVLIN~1.BIN",
+            "mftp://dev/mmcsd0",
             "https://example.org/a.json",
         ] {
             let (mut machine, mut services) = named(None, 1, uri);

@@ -207,6 +207,22 @@ fn the_key_and_what_leads_upwards_are_not_reached() {
         start(&mut rig, write(key, 40)),
         Err(FileRefusal::KeyFile(_))
     ));
+    for another in [
+        "/fs/microsd/mavlink/MAVLIN~1.BIN",
+        "/fs/microsd/MAVLINK./x",
+        "/dev/mmcsd0",
+        "dev/mmcsd0",
+        "/proc/self/mem",
+    ] {
+        for operation in [
+            read(another),
+            write(another, 40),
+            Operation::Remove(path(another)),
+        ] {
+            let refused = Err(FileRefusal::KeyFile(another.into()));
+            assert_eq!(start(&mut rig, operation), refused);
+        }
+    }
     assert!(FilePath::new("/fs/microsd/../etc").is_err());
     let bridge = rig.bridge.as_ref().expect("a bridge");
     assert!(matches!(
@@ -214,6 +230,9 @@ fn the_key_and_what_leads_upwards_are_not_reached() {
         Err(FileRefusal::NoVehicle(..))
     ));
     assert_eq!(bridge.file_vehicle(None), Ok(vehicle_id(0)));
+    // A list has names alone.
+    let folder = path("/fs/microsd/mavlink");
+    assert_eq!(start(&mut rig, Operation::List(folder)), Ok(()));
 }
 
 #[test]

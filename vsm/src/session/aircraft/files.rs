@@ -10,11 +10,12 @@ use mavlink_link::service::ftp::{Event, Operation};
 
 use super::Aircraft;
 use crate::config::LinkAddress;
+use crate::relay_policy::reaches_key;
 use crate::session::effects::{DliEffects, Effects};
 use crate::session::files::{FileAccess, FileEvent, FileRefusal, MAX_IN_FLIGHT};
 use crate::session::limits::FILES_IN_FLIGHT_BYTES_S;
 use crate::session::log::LogLevel;
-use crate::session::metadata::{Defined, KEY_FILE, MetadataReader};
+use crate::session::metadata::{Defined, MetadataReader};
 use crate::session::reports;
 
 impl Aircraft {
@@ -38,7 +39,9 @@ impl Aircraft {
             Operation::CreateDirectory(path) => ("create", path, true),
         };
         let path = path.to_string();
-        if path.to_ascii_lowercase().contains(KEY_FILE) {
+        // A list has names alone.
+        let lists = matches!(operation, Operation::List(_));
+        if !lists && reaches_key(path.as_bytes()) {
             return Err(FileRefusal::KeyFile(path));
         }
         if let Some(state) = self.may_fly().filter(|_| writes) {
