@@ -57,7 +57,7 @@ fn the_chain_continues_over_files_and_the_oldest_is_removed() {
     // As if it had been written for months: the length alone counts.
     let grown = |scene: &mut Scene| {
         let mut bytes = scene.rig.store.records[LOG].clone();
-        let mut chain = Chain::verify(&bytes, None, 0).chain;
+        let mut chain = Chain::verify(&bytes, None).chain;
         let vehicle = kit::bridge::vehicle_id(0);
         while bytes.len() < 1 << 20 {
             let entry = vsm::session::Entry::NotKept;
@@ -89,7 +89,7 @@ fn the_chain_continues_over_files_and_the_oldest_is_removed() {
         .map(|n| format!("{LOG}.{n}"))
         .chain([LOG.to_owned()])
     {
-        let verified = Chain::verify(&scene.rig.store.records[&name], None, 0);
+        let verified = Chain::verify(&scene.rig.store.records[&name], None);
         assert_eq!(verified.broken, None, "{name}");
         assert!(
             before.is_none_or(|before| before == verified.follows),
@@ -187,7 +187,7 @@ fn a_log_of_an_earlier_version_is_continued_by_a_key_and_stays_whole() {
 fn a_log_that_something_else_has_made_longer_is_put_aside_and_continued_from_its_recorded_end() {
     let mut scene = keyed();
     let key = AuditKey::new([0x5a; 32]);
-    let end = Chain::verify(&scene.rig.store.records[LOG], Some(&key), 0).chain;
+    let end = Chain::verify(&scene.rig.store.records[LOG], Some(&key)).chain;
     let junk = format!("{}}}\n", "x".repeat(1_022)).repeat(3 << 10);
     let log = scene.rig.store.records.get_mut(LOG).unwrap();
     log.extend_from_slice(junk.as_bytes());
@@ -199,7 +199,7 @@ fn a_log_that_something_else_has_made_longer_is_put_aside_and_continued_from_its
         let words = "has more than 2097152 bytes";
         assert!(entries.any(|entry| entry.text.contains(words)));
         assert!(scene.rig.store.records[&format!("{LOG}.1")].len() > 3 << 20);
-        let log = Chain::verify(&scene.rig.store.records[LOG], Some(&key), 0);
+        let log = Chain::verify(&scene.rig.store.records[LOG], Some(&key));
         assert_eq!((log.follows, log.broken), (end.clone(), None));
         hand_over(&mut scene, 1);
     }
@@ -242,7 +242,13 @@ fn whatever_is_done_to_a_log_without_its_key_is_named_by_the_next_start() {
             log(scene).extend_from_slice(line.as_bytes());
         }
     }
-    let cases: [(&str, Tampering); 9] = [
+    fn without_end(scene: &mut Scene, name: &str) {
+        let record = scene.rig.store.records.get_mut(RECORD).unwrap();
+        let mut value: serde_json::Value = serde_json::from_slice(record).unwrap();
+        value.as_object_mut().unwrap().remove(name).unwrap();
+        *record = serde_json::to_vec(&value).unwrap();
+    }
+    let cases: [(&str, Tampering); 12] = [
         ("its end was cut off", |scene| cut_tail(scene, 1)),
         ("its end was cut off", |scene| {
             // An older copy.
@@ -271,10 +277,24 @@ fn whatever_is_done_to_a_log_without_its_key_is_named_by_the_next_start() {
         }),
         ("no end of it is recorded", |scene| {
             cut_tail(scene, 1);
-            let record = scene.rig.store.records.get_mut(RECORD).unwrap();
-            let mut value: serde_json::Value = serde_json::from_slice(record).unwrap();
-            value.as_object_mut().unwrap().remove("audit");
-            *record = serde_json::to_vec(&value).unwrap();
+            without_end(scene, "audit");
+        }),
+        ("no end of it is recorded", |scene| {
+            scene.rig.store.records.remove(LOG);
+            without_end(scene, "audit");
+            without_end(scene, "monitors");
+        }),
+        ("audit-monitors-1b000101.log: no end", |scene| {
+            flip(scene, 1);
+            let log = scene.rig.store.records.get_mut(MONITORS).unwrap();
+            let last = log[..log.len() - 1].iter().rposition(|byte| *byte == b'\n');
+            log.truncate(last.unwrap() + 1);
+            without_end(scene, "monitors");
+        }),
+        ("audit-monitors-1b000101.log: no end", |scene| {
+            flip(scene, 1);
+            scene.rig.store.records.remove(MONITORS);
+            without_end(scene, "monitors");
         }),
         ("lines by another key", |scene| {
             let key = "a5".repeat(32).into_bytes();
@@ -294,4 +314,61 @@ fn whatever_is_done_to_a_log_without_its_key_is_named_by_the_next_start() {
             "case {number}: {expected}: {found}"
         );
     }
+}
+
+/// A log of control over ten files, of which eight and the one being written are kept, with a key.
+fn over_ten_files() -> Scene {
+    let mut scene = keyed();
+    let key = AuditKey::new([0x5a; 32]);
+    for _ in 0..10 {
+        let mut bytes = scene.rig.store.records[LOG].clone();
+        let mut chain = Chain::verify(&bytes, Some(&key)).chain;
+        let (wall, vehicle) = (scene.rig.now().wall, kit::bridge::vehicle_id(0));
+        while bytes.len() < 1 << 20 {
+            let entry = vsm::session::Entry::NotKept;
+            let (next, line) = chain.extended(Some(&key), wall, vehicle, &entry);
+            chain = next;
+            bytes.extend_from_slice(line.as_bytes());
+        }
+        scene.rig.store.records.insert(LOG.to_owned(), bytes);
+        scene.rig.restart_bridge();
+        scene.rig.run(0.1);
+    }
+    scene
+}
+
+/// The chain of what is left shows no older file: only their number does, and the names are whoever deletes files free to choose.
+#[test]
+fn no_file_is_deleted_unnoticed_by_giving_its_name_to_another() {
+    let whole = over_ten_files();
+    let copy = || {
+        let mut scene = keyed();
+        let records = &mut scene.rig.store.records;
+        records.clone_from(&whole.rig.store.records);
+        scene
+    };
+    assert_eq!(findings(copy()), "");
+
+    // All but the newest two.
+    let mut scene = copy();
+    let records = &mut scene.rig.store.records;
+    let newest = records.remove(&format!("{LOG}.1")).unwrap();
+    for number in 2..=8 {
+        records.remove(&format!("{LOG}.{number}")).unwrap();
+    }
+    records.insert(format!("{LOG}.8"), newest);
+    let found = findings(scene);
+    assert!(found.contains("a file was changed or deleted"), "{found}");
+
+    // All but the newest, with what a crash could have left of a line in their place.
+    let mut scene = copy();
+    let records = &mut scene.rig.store.records;
+    let first = String::from_utf8_lossy(&records[LOG]).into_owned();
+    let first = first.lines().next().unwrap();
+    for number in 1..=8 {
+        let torn = format!("{first} \n").into_bytes();
+        records.insert(format!("{LOG}.{number}"), torn).unwrap();
+    }
+    let found = findings(scene);
+    assert!(found.contains("a file was changed or deleted"), "{found}");
 }

@@ -323,7 +323,7 @@ fn every_change_of_control_is_a_line_of_the_audit_log() {
     let release = scene.ask(B, RequestedAccess::Relinquish, 0);
     assert_eq!(scene.end(B, release), DONE);
     let log = scene.rig.store.records["audit-1b000101.log"].clone();
-    let verified = vsm::session::Chain::verify(&log, None, 0);
+    let verified = vsm::session::Chain::verify(&log, None);
     assert_eq!((verified.broken, verified.torn), (None, false));
     let text = String::from_utf8(log).expect("it is text");
     let reasons: Vec<&str> = ["requested", "overridden", "released"]

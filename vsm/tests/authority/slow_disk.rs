@@ -102,7 +102,7 @@ fn a_right_that_was_not_durable_is_gone_with_the_process_and_was_never_granted()
     assert!(has_only_arrived(&scene, B, taken), "{alerts:?}");
     assert_eq!(scene.controller(), Some(A));
     // The log has a line too many at most, and its chain is whole.
-    let log = Chain::verify(&scene.rig.store.records["audit-1b000101.log"], None, 0);
+    let log = Chain::verify(&scene.rig.store.records["audit-1b000101.log"], None);
     assert!(log.broken.is_none() && !log.torn);
     // The same message is not taken for one that was carried out.
     scene.rig.stations[B].repeat(taken);

@@ -172,8 +172,8 @@ pub struct Verified {
     pub other_key: Option<String>,
     /// What its own lines report: faults that earlier starts have found, and lines that were not written. Line number and text.
     pub reported: Vec<(u64, String)>,
-    /// The digits of the requested line, if it is in this log.
-    pub digits: Option<String>,
+    /// The digits of each of its lines, in their order; of one that breaks the chain those that it claims.
+    pub digits: Vec<String>,
 }
 
 /// A line that breaks the chain.
@@ -378,19 +378,20 @@ impl Chain {
         (chain, text)
     }
 
-    /// Verifies a log from its first line on. `wanted`: the line whose digits the caller needs.
+    /// Verifies a log from its first line on.
     #[must_use]
-    pub fn verify(bytes: &[u8], key: Option<&AuditKey>, wanted: u64) -> Verified {
+    pub fn verify(bytes: &[u8], key: Option<&AuditKey>) -> Verified {
         let own = key.map(AuditKey::id);
         let follows = Chain::before(bytes);
         let mut chain = follows.clone();
-        let (mut broken, mut other_key, mut wanted_digits) = (None, None, None);
-        let mut reported = Vec::new();
+        let (mut broken, mut other_key) = (None, None);
+        let (mut reported, mut digits_of_lines) = (Vec::new(), Vec::new());
         let torn = bytes.last().is_some_and(|byte| *byte != b'\n');
-        let mut lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').collect();
-        // After the last line feed there is nothing, or an incomplete line that a crash left.
-        lines.pop();
-        for bytes in lines {
+        let mut lines = bytes.split(|byte| *byte == b'\n').peekable();
+        while let Some(bytes) = lines.next() {
+            // After the last line feed there is nothing, or what a crash left: a part of a line, or all of it but its line feed. The
+            // next start closes it, so that one that is whole is a line then, which later ones follow.
+            let is_unclosed = lines.peek().is_none();
             let line = std::str::from_utf8(bytes)
                 .ok()
                 .and_then(|line| line.split_once(' '));
@@ -415,7 +416,7 @@ impl Chain {
                     reported.extend(report_of(object).map(|text| (chain.lines + 1, text)));
                 }
                 // A line that a crash cut off was closed by the next start; it is not part of the chain.
-                None if is_torn(bytes) => continue,
+                None if is_unclosed || is_torn(bytes) => continue,
                 // It still counts as a line: the log continues with the next number.
                 None => {
                     broken = broken.or(Some(Broken {
@@ -429,9 +430,7 @@ impl Chain {
                 }
             }
             chain.lines += 1;
-            if chain.lines == wanted {
-                wanted_digits = Some(chain.last.clone());
-            }
+            digits_of_lines.push(chain.last.clone());
         }
         Verified {
             follows,
@@ -440,15 +439,16 @@ impl Chain {
             torn,
             other_key,
             reported,
-            digits: wanted_digits,
+            digits: digits_of_lines,
         }
     }
 }
 
 impl Chain {
-    /// What the first line of a log claims to follow.
+    /// What the first line of a log claims to follow. What a crash has cut off is not part of the chain, and claims nothing.
     fn before(bytes: &[u8]) -> Chain {
-        let first = bytes.split(|byte| *byte == b'\n').next();
+        let mut lines = bytes.split(|byte| *byte == b'\n');
+        let first = lines.find(|line| !is_torn(line));
         let first = first
             .and_then(|line| line.get(HASH_DIGITS + 1..))
             .and_then(|object| serde_json::from_slice::<First>(object).ok());
@@ -534,7 +534,7 @@ mod tests {
 
     #[test]
     fn a_log_goes_on_where_it_stopped() {
-        let verified = Chain::verify(log(3).as_bytes(), None, 0);
+        let verified = Chain::verify(log(3).as_bytes(), None);
         assert_eq!(
             (verified.chain.lines(), verified.broken, verified.torn),
             (3, None, false)
@@ -549,7 +549,7 @@ mod tests {
     #[test]
     fn a_changed_line_breaks_the_chain_there() {
         let text = log(4).replacen("\"time_ms\":2000", "\"time_ms\":2001", 1);
-        let broken = Chain::verify(text.as_bytes(), None, 0).broken;
+        let broken = Chain::verify(text.as_bytes(), None).broken;
         assert_eq!(broken, Some(Broken { line: 3 }));
     }
 
@@ -565,7 +565,7 @@ mod tests {
         ] {
             let other: String = order.iter().map(|n| format!("{}\n", lines[*n])).collect();
             assert!(
-                Chain::verify(other.as_bytes(), None, 0).broken.is_some(),
+                Chain::verify(other.as_bytes(), None).broken.is_some(),
                 "{order:?}"
             );
         }
@@ -575,7 +575,7 @@ mod tests {
     fn a_line_that_a_crash_cut_off_is_no_break() {
         let whole = log(3);
         let cut = &whole[..whole.len() - 20];
-        let verified = Chain::verify(cut.as_bytes(), None, 0);
+        let verified = Chain::verify(cut.as_bytes(), None);
         assert_eq!(
             (verified.chain.lines(), verified.broken, verified.torn),
             (2, None, true)
@@ -584,7 +584,7 @@ mod tests {
             .chain
             .extended(None, Duration::ZERO, Id(1), &Entry::NotKept);
         let healed = format!("{cut}\n{line}");
-        let verified = Chain::verify(healed.as_bytes(), None, 0);
+        let verified = Chain::verify(healed.as_bytes(), None);
         assert_eq!(
             (verified.chain.lines(), verified.broken, verified.torn),
             (3, None, false)
@@ -592,17 +592,50 @@ mod tests {
     }
 
     #[test]
+    fn a_line_of_which_a_crash_cut_off_the_line_feed_alone_is_one_that_the_next_follows() {
+        let whole = log(3);
+        let cut = whole.trim_end();
+        let verified = Chain::verify(cut.as_bytes(), None);
+        assert_eq!(
+            (verified.chain.lines(), verified.broken, verified.torn),
+            (3, None, true)
+        );
+        let (_, line) = verified
+            .chain
+            .extended(None, Duration::ZERO, Id(1), &Entry::NotKept);
+        let healed = format!("{cut}\n{line}");
+        let verified = Chain::verify(healed.as_bytes(), None);
+        assert_eq!((verified.chain.lines(), verified.broken), (4, None));
+    }
+
+    #[test]
+    fn what_a_crash_left_of_the_first_line_of_a_file_names_nothing_that_it_follows() {
+        let before = Chain::verify(log(3).as_bytes(), None).chain;
+        let vehicle = Id(0x1b00_0101);
+        let (_, first) = before.extended(None, Duration::ZERO, vehicle, &Entry::Continued);
+        // A space behind the object is not written by anybody here, and an object with it can be read.
+        for torn in [&first[..100], &format!("{} ", first.trim_end())] {
+            let verified = Chain::verify(format!("{torn}\n{first}").as_bytes(), None);
+            assert_eq!((verified.broken, verified.chain.lines()), (None, 4));
+            assert_eq!(verified.follows, before);
+            let verified = Chain::verify(format!("{torn}\n").as_bytes(), None);
+            assert_eq!(verified.follows, Chain::default());
+            assert!(verified.digits.is_empty());
+        }
+    }
+
+    #[test]
     fn a_log_that_follows_another_is_verified_by_itself_and_after_it() {
-        let before = Chain::verify(log(3).as_bytes(), None, 0).chain;
+        let before = Chain::verify(log(3).as_bytes(), None).chain;
         let vehicle = Id(0x1b00_0101);
         let (chain, first) = before.extended(None, Duration::ZERO, vehicle, &Entry::Continued);
         let (chain, second) = chain.extended(None, Duration::ZERO, vehicle, &Entry::NotKept);
         let text = first + &second;
-        let verified = Chain::verify(text.as_bytes(), None, 0);
+        let verified = Chain::verify(text.as_bytes(), None);
         assert_eq!((verified.broken, &verified.chain), (None, &chain));
         assert_eq!((verified.follows, chain.lines()), (before, 5));
         let forged = text.replacen("\"line\":4", "\"line\":6", 1);
-        assert!(Chain::verify(forged.as_bytes(), None, 0).broken.is_some());
+        assert!(Chain::verify(forged.as_bytes(), None).broken.is_some());
     }
 
     #[test]
@@ -611,18 +644,18 @@ mod tests {
         let vehicle = Id(0x1b00_0101);
         // A log of an earlier version, continued with a key.
         let plain = log(2);
-        let mut chain = Chain::verify(plain.as_bytes(), Some(&key), 0).chain;
+        let mut chain = Chain::verify(plain.as_bytes(), Some(&key)).chain;
         let mut text = plain.clone();
         for entry in [Entry::Keyed, Entry::NotKept, Entry::NotKept] {
             let (next, line) = chain.extended(Some(&key), Duration::ZERO, vehicle, &entry);
             chain = next;
             text += &line;
         }
-        let verified = Chain::verify(text.as_bytes(), Some(&key), 4);
+        let verified = Chain::verify(text.as_bytes(), Some(&key));
         assert_eq!((verified.broken, verified.other_key), (None, None));
         assert_eq!(
-            verified.digits.as_deref(),
-            text.lines().nth(3).map(|line| &line[..64])
+            verified.digits,
+            text.lines().map(|line| &line[..64]).collect::<Vec<_>>()
         );
         assert_eq!(verified.chain, chain);
 
@@ -632,7 +665,7 @@ mod tests {
             .take(3)
             .map(|line| line.len() + 1)
             .sum::<usize>();
-        let before = Chain::verify(&text.as_bytes()[..upto], Some(&key), 0).chain;
+        let before = Chain::verify(&text.as_bytes()[..upto], Some(&key)).chain;
         let forger = |key| {
             before
                 .extended(key, Duration::ZERO, vehicle, &Entry::NotKept)
@@ -640,16 +673,16 @@ mod tests {
         };
         for line in [forger(None), forger(Some(&other))] {
             let forged = text[..upto].to_owned() + &line;
-            let broken = Chain::verify(forged.as_bytes(), Some(&key), 0).broken;
+            let broken = Chain::verify(forged.as_bytes(), Some(&key)).broken;
             assert_eq!(broken, Some(Broken { line: 4 }));
         }
         // Another key's own transition is named.
         let (_, line) = before.extended(Some(&other), Duration::ZERO, vehicle, &Entry::Keyed);
         let forged = text[..upto].to_owned() + &line;
-        let verified = Chain::verify(forged.as_bytes(), Some(&key), 0);
+        let verified = Chain::verify(forged.as_bytes(), Some(&key));
         assert_eq!(verified.other_key, Some(other.id()));
         // And without any key the keyed part is named, too.
-        let verified = Chain::verify(text.as_bytes(), None, 0);
+        let verified = Chain::verify(text.as_bytes(), None);
         assert_eq!(
             (verified.broken, verified.other_key),
             (None, Some(key.id()))
@@ -668,7 +701,7 @@ mod tests {
         let (next, first) = chain.extended(None, wall, vehicle, &Entry::Continued);
         let (_, second) = next.extended(None, wall, vehicle, &Entry::NotKept);
         let bytes = format!("{first}{second}{second}");
-        let verified = Chain::verify(bytes.as_bytes(), None, 0);
+        let verified = Chain::verify(bytes.as_bytes(), None);
         assert_eq!(verified.broken, Some(Broken { line: 1 }));
         assert_eq!(verified.chain.lines(), 3);
     }

@@ -345,12 +345,10 @@ impl AuthorityRecord {
     ) -> Result<(), StoreError> {
         let vehicle = context.id();
         self.key = AuditKey::load(effects.disk())?;
-        let stored = effects.disk().load::<Stored>(&vehicle)?;
-        let (control, monitors) = stored.map_or((None, None), |one| (one.audit, one.monitors));
+        let key = self.key.as_ref();
         let mut faults = Vec::new();
-        for (kind, head) in [(Kind::Control, control), (Kind::Monitors, monitors)] {
-            let key = self.key.as_ref();
-            let found = trail::examine(kind, vehicle, key, head.as_ref(), &[], effects.disk())?;
+        for found in examine_both(vehicle, key, &[], effects.disk())? {
+            let kind = found.kind;
             for finding in &found.findings {
                 effects.warn(Cause::Audit, format!("the audit log {finding}"));
                 faults.push(Entry::Fault(finding.to_string()));
@@ -369,6 +367,11 @@ impl AuthorityRecord {
         }
         let started = Entry::Started(rights.holders().collect());
         let power = Durability::Power;
+        if self.key.is_some() && !self.control.is_keyed() {
+            // The end before the first line by the key: a process that is killed between that and the record would leave a log that
+            // looks as if its end had been taken from the record.
+            self.store(rights, power, context, effects)?;
+        }
         for fault in &faults {
             self.write_audit(Kind::Control, fault, power, context, effects)?;
         }
@@ -515,17 +518,41 @@ pub(crate) fn examine(
     disk: &dyn Disk,
 ) -> Result<Vec<Examined>, StoreError> {
     let key = AuditKey::load(disk)?;
-    // Read the record first: a log that is longer than recorded is being written.
+    let mut all = examine_both(vehicle, key.as_ref(), digits, disk)?;
+    for found in &mut all {
+        // At a start this may be the log of an earlier version; since then it has been continued with the key.
+        let is_due = found.kind == Kind::Control || found.chain.lines() > 0;
+        if key.is_some() && is_due && found.chain.keyed().is_none() {
+            let file = found.kind.file(vehicle);
+            let fault = Fault::NotKeyed;
+            found.findings.push(Finding { file, fault });
+        }
+    }
+    Ok(all)
+}
+
+/// Examines both logs, by the ends that the record has of them.
+fn examine_both(
+    vehicle: Id,
+    key: Option<&AuditKey>,
+    digits: &[String],
+    disk: &dyn Disk,
+) -> Result<Vec<Examined>, StoreError> {
+    // The record first: a log that is longer than recorded is being written.
     let stored = disk.load::<Stored>(&vehicle)?;
+    let has_record = stored.is_some();
     let (control, monitors) = stored.map_or((None, None), |one| (one.audit, one.monitors));
+    let has_an_end = control.is_some() || monitors.is_some();
     let mut all = Vec::new();
     for (kind, head) in [(Kind::Control, control), (Kind::Monitors, monitors)] {
-        let mut found = trail::examine(kind, vehicle, key.as_ref(), head.as_ref(), digits, disk)?;
-        // At a start this may be the log of an earlier version; since then it has been continued with the key.
-        let is_due = kind == Kind::Control || found.chain.lines() > 0;
-        if key.is_some() && is_due && found.chain.keyed().is_none() {
+        let mut found = trail::examine(kind, vehicle, key, head.as_ref(), digits, disk)?;
+        // Both ends are recorded at once, and no record is made before the first line of control but one with both. A keyed log
+        // without its end is found above; here it is deleted, or rewritten without a key, too.
+        let (lines, is_keyed) = (found.chain.lines(), found.chain.keyed().is_some());
+        let is_due = has_an_end || kind == Kind::Control && has_record && lines == 0;
+        if key.is_some() && head.is_none() && is_due && !is_keyed {
             let file = kind.file(vehicle);
-            let fault = Fault::NotKeyed;
+            let fault = Fault::NoHead;
             found.findings.push(Finding { file, fault });
         }
         all.push(found);
@@ -562,7 +589,7 @@ mod tests {
     use stanag_msgs::messages::CucsAuthorisationRequest;
     use stanag_msgs::{Message, TimeStamp};
 
-    use super::super::audit::Chain;
+    use super::super::audit::{AUDIT_KEY, Chain};
     use super::super::rules::Reason;
     use super::*;
     use crate::session::log::LogEntry;
@@ -625,6 +652,21 @@ mod tests {
                 assert_eq!(lines(&mut world, kind), expected, "{}", kind.name());
             }
         }
+    }
+
+    #[test]
+    fn no_line_by_the_key_comes_before_a_record_of_where_the_log_ends() {
+        let (mut world, mut record) = (World::new(), AuthorityRecord::default());
+        let mut full = disk(Some("authority"));
+        let key = "5a".repeat(32).into_bytes();
+        full.records.insert(AUDIT_KEY.to_owned(), key);
+        world.disk = Box::new(full);
+        let stored = world.act(|context, _, effects| {
+            record.restore_audit(&Authority::default(), &context, effects)
+        });
+        stored.expect_err("the disk is full");
+        // A process that was killed here leaves nothing that looks like a record without its end.
+        assert!(lines(&mut world, Kind::Control).is_empty());
     }
 
     #[test]
@@ -733,7 +775,7 @@ mod tests {
         ] {
             assert!(counting.contains(&expected), "{expected}: {counting}");
         }
-        let verified = Chain::verify(&log, record.key.as_ref(), 0);
+        let verified = Chain::verify(&log, record.key.as_ref());
         assert_eq!((verified.broken, verified.other_key), (None, None));
         let [(line, report)] = &verified.reported[..] else {
             panic!("{:?}", verified.reported);

@@ -127,7 +127,7 @@ fn a_grant_that_the_disk_refuses_is_taken_back_and_the_audit_log_reports_it() {
     assert_eq!(priorities(&world), [AlertPriority::Warning]);
     let log = world.disk.read("audit-1b000101.log", u64::MAX);
     let log = log.expect("it can be read").expect("it was written");
-    let verified = audit::Chain::verify(&log, None, 0);
+    let verified = audit::Chain::verify(&log, None);
     assert_eq!(verified.broken, None);
     assert_eq!(
         verified.chain.lines(),

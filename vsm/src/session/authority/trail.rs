@@ -166,7 +166,7 @@ impl fmt::Display for Finding {
             ),
             Fault::NoHead => write!(
                 f,
-                "{file}: no end of it is recorded: the authority record was replaced or deleted"
+                "{file}: no end of it is recorded: the authority record was replaced or changed, or deleted"
             ),
             Fault::TooLong => write!(
                 f,
@@ -217,6 +217,8 @@ pub(crate) fn examine(
         torn: Vec::new(),
     };
     let (mut before, mut recorded) = (None::<Chain>, None);
+    // How many files there are, and the oldest with the number of its first line.
+    let (mut files, mut oldest) = (0, None);
     // The file before is longer than it becomes: where it ends is not known.
     let mut cut_before = false;
     for (number, file) in kind.files(vehicle) {
@@ -228,18 +230,28 @@ pub(crate) fn examine(
             // What was added to it counts as lines, too.
             recorded = None;
         }
-        let verified = Chain::verify(&bytes, key, wanted);
+        let verified = Chain::verify(&bytes, key);
+        if verified.torn {
+            found.torn.push(file.clone());
+        }
+        if verified.digits.is_empty() && !cut {
+            // A crash has cut off its only line. Where it claims to follow something, somebody else has made it, in place of files
+            // that are gone.
+            continue;
+        }
+        files += 1;
+        let first = verified.follows.lines() + 1;
+        oldest.get_or_insert_with(|| (file.clone(), first));
         let mut find = |fault| {
             let file = file.clone();
             found.findings.push(Finding { file, fault });
         };
         // Only the oldest file may follow a file that no longer exists.
-        let follows = match &before {
-            Some(before) => cut_before || *before == verified.follows,
-            None => number >= MAX_FILES || verified.follows.lines() == 0,
-        };
+        let follows = before
+            .as_ref()
+            .is_none_or(|before| cut_before || *before == verified.follows);
         if !follows {
-            find(Fault::Gap(verified.follows.lines() + 1));
+            find(Fault::Gap(first));
         } else if let Some(broken) = verified.broken {
             find(Fault::Line(broken));
         }
@@ -249,27 +261,27 @@ pub(crate) fn examine(
         if cut {
             find(Fault::TooLong);
         }
-        if verified.torn {
-            found.torn.push(file.clone());
-        }
         if number == 0 {
             // One that was cut is put aside before the next line.
             found.bytes = if cut { MAX_BYTES } else { bytes.len() };
         }
-        let lines = bytes.split(|byte| *byte == b'\n');
-        for (line, number) in lines.zip(verified.follows.lines() + 1..) {
-            let looked_for = digits
-                .iter()
-                .find(|digits| line.starts_with(digits.as_bytes()));
-            found
-                .present
-                .extend(looked_for.map(|digits| (digits.clone(), number)));
+        for (line, number) in verified.digits.iter().zip(first..) {
+            if digits.contains(line) {
+                found.present.push((line.clone(), number));
+            }
+            if number == wanted && recorded.is_none() {
+                recorded = Some(line.clone());
+            }
         }
         found.reported.extend(verified.reported);
-        recorded = recorded.or(verified.digits);
         found.chain = verified.chain.clone();
         before = Some(verified.chain);
         cut_before = cut;
+    }
+    // A file is deleted where newer ones are as many as are kept, whatever their names.
+    if let Some((file, first)) = oldest.filter(|(_, first)| *first > 1 && files < MAX_FILES) {
+        let fault = Fault::Gap(first);
+        found.findings.push(Finding { file, fault });
     }
     let forged = |head: &Head| key.is_some_and(|key| head.mac != head.by(key, vehicle, kind));
     if cut_before && let (Some(key), Some(head)) = (key, head.filter(|head| !forged(head))) {
@@ -292,7 +304,7 @@ pub(crate) fn examine(
         Some(head) if head.lines > 0 && recorded.as_ref() != Some(&head.digits) => {
             Some(Fault::Replaced(head.lines))
         }
-        None if found.chain.keyed().is_some() && kind == Kind::Control => Some(Fault::NoHead),
+        None if found.chain.keyed().is_some() => Some(Fault::NoHead),
         _ => None,
     };
     if let Some(fault) = fault {
@@ -364,6 +376,11 @@ impl Trail {
     /// The head for the record. Without a key it would prove nothing.
     pub(super) fn head(&self, vehicle: Id, key: Option<&AuditKey>) -> Option<Head> {
         key.map(|key| Head::of(&self.chain, vehicle, self.kind, key))
+    }
+
+    /// It has lines by a key.
+    pub(super) fn is_keyed(&self) -> bool {
+        self.chain.keyed().is_some()
     }
 
     /// The log is of an earlier version; the next line starts to use the key.
@@ -626,7 +643,7 @@ mod tests {
         trail.write_owed(&at, &mut disk).expect("written");
         assert!(trail.owed.is_empty());
         let log = &disk.records[&Kind::Control.file(vehicle)];
-        let verified = Chain::verify(log, None, 0);
+        let verified = Chain::verify(log, None);
         assert_eq!(verified.broken, None);
         let reported = |line: u64, text: &str| (line, text.to_owned());
         assert_eq!(
