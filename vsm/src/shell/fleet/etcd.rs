@@ -89,11 +89,12 @@ impl Etcd {
         self.revision.load(Ordering::Relaxed)
     }
 
-    /// etcd's present revision, by a request of its own: other threads send requests meanwhile.
-    pub(super) fn revision_now(&self, key: &str) -> io::Result<i64> {
+    /// The key, if it exists, and etcd's revision by the same answer: other threads send requests meanwhile.
+    pub(super) fn get_now(&self, key: &str) -> io::Result<(i64, Option<Entry>)> {
         let answer: Ranged = self.ask("kv/range", &json!({ "key": STANDARD.encode(key) }))?;
         self.note(&answer.header);
-        Ok(answer.header.revision.0)
+        let revision = answer.header.revision.0;
+        Ok((revision, answer.page()?.entries.pop()))
     }
 
     fn note(&self, header: &Header) {
@@ -118,9 +119,7 @@ impl Etcd {
 
     /// The key, if it exists.
     pub(super) fn get(&self, key: &str) -> io::Result<Option<Entry>> {
-        let answer: Ranged = self.ask("kv/range", &json!({ "key": STANDARD.encode(key) }))?;
-        self.note(&answer.header);
-        Ok(answer.page()?.entries.pop())
+        self.get_now(key).map(|(_, entry)| entry)
     }
 
     /// Up to `limit` keys that begin with `prefix`, from `from` on, as of `revision` (0: now).

@@ -653,7 +653,8 @@ impl Keep {
     fn renew(&mut self, sent: Instant) -> io::Result<Renewal> {
         let etcd = &self.remote.etcd;
         // Checked before the renewal: an earlier state may have the same owner.
-        let revision = etcd.revision_now(&self.node.names.epoch())?;
+        let owner_key = self.node.names.owner();
+        let (revision, owner) = etcd.get_now(&owner_key)?;
         if revision < self.node.mark.revision {
             let seen = self.node.mark.revision;
             return Ok(Renewal::Ends(format!(
@@ -666,6 +667,16 @@ impl Keep {
         };
         if alive {
             let created = self.remote.right().created;
+            // The lease alone is no right: its key may have been deleted under it, and another node may own the VSM since.
+            if owner.as_ref().is_none_or(|entry| entry.created != created) {
+                let by = owner
+                    .map(|entry| parse::<Present>(&entry.value))
+                    .transpose()?;
+                let by = by.map_or("nobody".to_owned(), |present| present.node);
+                return Ok(Renewal::Ends(format!(
+                    "its key in etcd was deleted by something else: {by} owns the VSM"
+                )));
+            }
             self.remote.set_right(Right {
                 created,
                 until: Right::until(sent, self.ttl),
@@ -680,7 +691,6 @@ impl Keep {
         // The lease has ended, for example while etcd was away for longer than it lasts. If nobody has taken over,
         // everything is as this node left it.
         self.node.lease = None;
-        let owner_key = self.node.names.owner();
         let epoch_key = self.node.names.epoch();
         let lease = etcd.grant(self.node.ttl_s)?;
         let epoch = self.epoch.to_string();

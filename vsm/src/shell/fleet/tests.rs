@@ -161,6 +161,25 @@ fn a_node_that_lost_its_vsm_stores_nothing_and_ends() {
     assert!(beta.ended().try_recv().is_err());
 }
 
+/// The lease of the first lasts, and with it what needs no store: status, sticks, and what is flown for a station that is lost.
+#[test]
+fn a_node_whose_key_was_deleted_ends_though_its_lease_lasts() {
+    if !kit::tools::is_installed("etcd") {
+        return;
+    }
+    let (etcd, folder) = (Etcd::start(1), tempfile::tempdir().unwrap());
+    let (_store, mut alpha) = own(&etcd, "alpha", folder.path(), 7).unwrap();
+    let mut ended = alpha.ended();
+    etcd.delete("vsm/1b000001/owner");
+    let (_store, beta) = own(&etcd, "beta", folder.path(), 7).unwrap();
+    assert_eq!(beta.epoch, 2);
+    let why = ended.blocking_recv().expect("it has the reason");
+    assert!(why.contains("beta owns the VSM"), "{why}");
+    let until = alpha.lease().borrow().expect("it had a lease");
+    std::thread::sleep(Duration::from_secs(4));
+    assert_eq!(*alpha.lease().borrow(), Some(until), "it is not renewed");
+}
+
 #[test]
 fn a_folder_of_another_vsm_is_not_overwritten_and_a_folder_of_the_fleet_not_served_alone() {
     if !kit::tools::is_installed("etcd") {
