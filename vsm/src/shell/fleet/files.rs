@@ -19,7 +19,7 @@ use mavlink_link::store::MAX_RECORD_BYTES;
 use sha2::{Digest as _, Sha256};
 use zeroize::Zeroizing;
 
-use super::remote::{Head, Last, Remote};
+use super::remote::{Head, LANES, Last, Remote};
 use crate::session::MAX_LOG_BYTES;
 use crate::shell::clock::since_boot;
 use crate::shell::disk::{
@@ -42,7 +42,7 @@ pub(super) struct SharedFiles {
     /// The files that another node wrote, and after which moment since the boot of this computer, where that is known.
     since: BTreeMap<String, Duration>,
     /// What links live by, and everything else: a link must not wait while a plan is stored.
-    lanes: [Lane; 2],
+    lanes: [Lane; LANES],
 }
 
 #[derive(Debug, Default)]
@@ -456,7 +456,6 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-const LANES: usize = 2;
 /// The suffix that the system adds to the name of a deleted open file.
 const DELETED: &str = " (deleted)";
 

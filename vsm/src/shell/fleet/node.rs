@@ -14,7 +14,7 @@ use tokio::sync::{mpsc, watch};
 
 use super::etcd::{Change, Condition, Entry, Etcd};
 use super::files::{MAX_TAKEN_OVER, SharedFiles, is_stored, max_bytes};
-use super::remote::{Head, Names, Remote, Right};
+use super::remote::{Head, LANES, Names, Remote, Right, count_changes, lacks};
 use super::seal::Seal;
 use crate::config::SharedStore;
 use crate::shell::clock::since_boot;
@@ -34,7 +34,7 @@ pub enum FleetError {
         lease_s: u64,
     },
     /// What etcd has is older than what this node served from.
-    #[error("etcd is at epoch {epoch}, revision {revision}, and {folder} has seen epoch {seen_epoch}, revision {seen_revision}: etcd was set back, as from a backup, or is another one. Stamps would be used twice. Bring etcd to where it was; or, to continue from this folder, stop all nodes, delete the keys that begin with vsm/ and the id of the VSM, remove the file fleet-epoch from this folder, and start this node first", folder = folder.display())]
+    #[error("etcd is at epoch {epoch}, revision {revision}, change {changes}, and {folder} has seen epoch {seen_epoch}, revision {seen_revision}, change {seen_changes}: etcd was set back, as from a backup, or is another one. Stamps would be used twice. Bring etcd to where it was; or, to continue from this folder, stop all nodes, delete the keys that begin with vsm/ and the id of the VSM, remove the file fleet-epoch from this folder, and start this node first", folder = folder.display())]
     SetBack {
         /// The folder of the store.
         folder: PathBuf,
@@ -46,6 +46,10 @@ pub enum FleetError {
         seen_epoch: u64,
         /// And of which revision.
         seen_revision: i64,
+        /// How many changes of the files etcd has.
+        changes: u64,
+        /// And how many this node has seen.
+        seen_changes: u64,
     },
     /// The folder holds the state of a VSM that is not of this fleet.
     #[error("[store] dir {folder} holds state that was not made in this fleet, which another node began: it would be deleted. Name an empty folder, or move these files away", folder = folder.display())]
@@ -184,6 +188,7 @@ pub fn stand_by(
         begun: Instant::now(),
         mark: Mark::read(disk.folder())?,
         marked: Instant::now(),
+        changes: [0; LANES],
         has_files: has_files(&disk)?,
         folder: disk.folder().to_owned(),
         seal: Seal::new(key),
@@ -215,9 +220,12 @@ pub fn stand_by(
     // Written before any change: from here on the folder belongs to the fleet.
     node.mark.epoch = epoch;
     node.mark.revision = etcd.revision();
+    node.mark.changes = node.changes;
     node.mark.write(&node.folder)?;
     let looks = std::mem::take(&mut node.looks);
-    let remote = Arc::new(Remote::new(etcd, node.names.clone(), Seal::new(key), right));
+    let made = node.mark.changes;
+    let (names, seal) = (node.names.clone(), Seal::new(key));
+    let remote = Arc::new(Remote::new(etcd, names, seal, right, made));
     let (ends, ended) = mpsc::channel(1);
     let keep = Keep {
         node,
@@ -334,8 +342,11 @@ fn restore(
 struct Mark {
     /// The epoch in which the folder was last served.
     epoch: u64,
-    /// The highest revision of an answer.
+    /// The highest revision of an answer. Other users of etcd raise it too, and whoever restores a backup may.
     revision: i64,
+    /// How many changes of each lane there were; unlike the others nobody without the key can state a higher number.
+    #[serde(default)]
+    changes: [u64; LANES],
 }
 
 impl Mark {
@@ -364,6 +375,8 @@ struct Node {
     mark: Mark,
     /// When the mark was written last.
     marked: Instant,
+    /// How many changes of each lane etcd had at the last look.
+    changes: [u64; LANES],
     /// Whether its folder contained files of a store at the start.
     has_files: bool,
     folder: PathBuf,
@@ -441,13 +454,14 @@ impl Node {
         Duration::from_secs(self.ttl_s)
     }
 
-    /// Notes etcd's revision from time to time. A lost note only weakens the check for a restored etcd.
-    fn follow(&mut self, revision: i64) {
+    /// Notes what etcd has from time to time. A lost note only weakens the check for a restored etcd.
+    fn follow(&mut self, revision: i64, changes: [u64; LANES]) {
         let first = self.mark == Mark::default();
         if revision <= self.mark.revision || (!first && self.marked.elapsed() < MARK_EVERY) {
             return;
         }
         self.mark.revision = revision;
+        self.mark.changes = changes;
         self.marked = Instant::now();
         if let Err(cause) = self.mark.write(&self.folder) {
             // Continues without it: a node with a full disk can still hand over to another.
@@ -465,21 +479,25 @@ impl Node {
             Some(entry) => parse::<u64>(&entry.value)?,
             None => 0,
         };
+        if let Some(complete) = &complete {
+            // Fails for a node with another key, before it owns anything. First: by another key no change has a number.
+            let opened = self.seal.open(&complete.key, &complete.value);
+            opened.map_err(|cause| Fault::Fatal(cause.into()))?;
+        }
+        let changes = count_changes(etcd, &self.names, &self.seal)?;
+        self.changes = changes;
         // Checked before anything is written: otherwise repeated starts would raise the revision until the check passes.
         let (seen, revision) = (self.mark, etcd.revision());
-        if seen.epoch > last || seen.revision > revision {
+        if seen.epoch > last || seen.revision > revision || lacks(changes, seen.changes) {
             return Err(Fault::Fatal(FleetError::SetBack {
                 folder: self.folder.clone(),
                 epoch: last,
                 revision,
                 seen_epoch: seen.epoch,
                 seen_revision: seen.revision,
+                changes: changes.iter().sum(),
+                seen_changes: seen.changes.iter().sum(),
             }));
-        }
-        if let Some(complete) = &complete {
-            // Fails for a node with another key, before it owns anything.
-            let opened = self.seal.open(&complete.key, &complete.value);
-            opened.map_err(|cause| Fault::Fatal(cause.into()))?;
         }
         // Its files were made outside this fleet, and `restore` would delete them.
         if complete.is_some() && seen == Mark::default() && self.has_files {
@@ -488,7 +506,7 @@ impl Node {
         }
         // It belongs to the fleet from here on, and from here on detects a restored etcd.
         if complete.is_some() {
-            self.follow(revision);
+            self.follow(revision, changes);
         }
         let is_drained = etcd.get(&self.names.drained(&self.name))?.is_some();
         let drained = format!(
@@ -526,17 +544,17 @@ impl Node {
             None => Condition::CreatedAt(&epoch_key, 0),
         };
         let present = self.to_json(lease.id, epoch);
-        let mut changes = vec![
+        let mut puts = vec![
             Change::Put(owner_key.clone(), present, Some(lease.id)),
             Change::Put(epoch_key.clone(), epoch.to_string().into_bytes(), None),
         ];
         if complete.is_none() {
             let name = self.name.clone().into_bytes();
-            changes.push(Change::Put(self.names.first(), name, None));
+            puts.push(Change::Put(self.names.first(), name, None));
         }
         // Both: no owner, and nobody has served since `before` was read.
         let conditions = [Condition::CreatedAt(&owner_key, 0), same_epoch];
-        Ok(match etcd.transact(&conditions, &changes)? {
+        Ok(match etcd.transact(&conditions, &puts)? {
             Some(created) => Turn::Owner(created, lease.renewed, epoch),
             None => Turn::Wait("standing by".to_owned()),
         })
@@ -623,7 +641,7 @@ impl Keep {
         let mut lapsed = false;
         loop {
             let begun = Instant::now();
-            match self.renew(begun) {
+            match self.renew() {
                 Ok(Renewal::Done) => {
                     if std::mem::take(&mut lapsed) {
                         tracing::info!("etcd has renewed the lease of this node");
@@ -650,17 +668,20 @@ impl Keep {
         self.node.leave(&self.remote.etcd);
     }
 
-    fn renew(&mut self, sent: Instant) -> io::Result<Renewal> {
+    fn renew(&mut self) -> io::Result<Renewal> {
         let etcd = &self.remote.etcd;
         // Checked before the renewal: an earlier state may have the same owner.
         let owner_key = self.node.names.owner();
         let (revision, owner) = etcd.get_now(&owner_key)?;
-        if revision < self.node.mark.revision {
-            let seen = self.node.mark.revision;
+        // What was answered before this request is there, whatever is stored meanwhile.
+        let (seen, made) = (self.node.mark.revision, self.remote.made());
+        let stored = self.remote.stored()?;
+        if revision < seen || lacks(stored, made) {
             return Ok(Renewal::Ends(format!(
-                "etcd was set back: it is at revision {revision}, and this node has seen {seen}"
+                "etcd was set back: it is at revision {revision}, changes {stored:?}, and this node has seen {seen}, {made:?}"
             )));
         }
+        let sent = Instant::now();
         let alive = match self.node.lease {
             Some(lease) => etcd.keep_alive(lease.id)?,
             None => false,
@@ -682,7 +703,7 @@ impl Keep {
                 until: Right::until(sent, self.ttl),
             });
             let drained = etcd.get(&self.node.names.drained(&self.node.name))?;
-            self.node.follow(revision);
+            self.node.follow(revision, stored);
             return Ok(match drained {
                 Some(_) => Renewal::Ends("this node is drained".to_owned()),
                 None => Renewal::Done,

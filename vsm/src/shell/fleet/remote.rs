@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,6 @@ use zeroize::Zeroizing;
 
 use super::etcd::{Change, Condition, Entry, Etcd};
 use super::seal::Seal;
-use crate::shell::key_file::system_random;
 
 /// What one node may do with the files in etcd.
 #[derive(Debug)]
@@ -26,6 +25,8 @@ pub(super) struct Remote {
     right: Mutex<Right>,
     /// When the right ends, for whoever serves.
     until: watch::Sender<Option<Instant>>,
+    /// The number of the last change of each lane that etcd has answered. One that has a lower one later was set back.
+    made: [AtomicU64; LANES],
     /// The next generation number: no two attempts to store a file have the same one.
     generation: AtomicU32,
 }
@@ -112,9 +113,13 @@ impl Names {
         format!("{}piece/", self.prefix)
     }
 
+    fn each_last(&self) -> String {
+        format!("{}last/", self.prefix)
+    }
+
     /// What identifies the last change of a lane.
     fn last(&self, lane: usize) -> String {
-        format!("{}last/{lane}", self.prefix)
+        format!("{}{lane}", self.each_last())
     }
 
     fn all_pieces(&self, file: &str) -> String {
@@ -140,13 +145,21 @@ impl Right {
 }
 
 impl Remote {
-    pub(super) fn new(etcd: Etcd, names: Names, seal: Seal, right: Right) -> Remote {
+    /// `made`: how many changes this node knows that there are.
+    pub(super) fn new(
+        etcd: Etcd,
+        names: Names,
+        seal: Seal,
+        right: Right,
+        made: [u64; LANES],
+    ) -> Remote {
         Remote {
             etcd,
             names,
             seal,
             right: Mutex::new(right),
             until: watch::Sender::new(Some(right.until)),
+            made: made.map(AtomicU64::new),
             generation: AtomicU32::new(1),
         }
     }
@@ -161,6 +174,16 @@ impl Remote {
         self.until.send_replace(Some(right.until));
     }
 
+    /// How many changes of each lane etcd has answered, or had when this node began.
+    pub(super) fn made(&self) -> [u64; LANES] {
+        self.made.each_ref().map(|made| made.load(Ordering::SeqCst))
+    }
+
+    /// How many changes of each lane etcd has.
+    pub(super) fn stored(&self) -> io::Result<[u64; LANES]> {
+        count_changes(&self.etcd, &self.names, &self.seal)
+    }
+
     pub(super) fn until(&self) -> watch::Receiver<Option<Instant>> {
         self.until.subscribe()
     }
@@ -168,9 +191,7 @@ impl Remote {
     /// Applies all changes, or none.
     fn change(&self, lane: usize, last: &mut Last, mut changes: Vec<Change>) -> io::Result<()> {
         let (owner, key) = (self.names.owner(), self.names.last(lane));
-        let mut token = [0; 16];
-        system_random(&mut token).map_err(|fault| io::Error::other(fault.to_string()))?;
-        changes.push(Change::Put(key.clone(), token.to_vec(), None));
+        let of_files = changes.len();
         for _ in 0..TRIES {
             // Read again for each attempt: the keeper may have renewed the lease meanwhile.
             let right = self.right();
@@ -187,22 +208,27 @@ impl Remote {
                     .get(&key)?
                     .map_or_else(Vec::new, |entry| entry.value),
             };
+            let number = self.seal.number_of(&key, &before);
+            let made = &self.made[lane];
+            if number < made.load(Ordering::SeqCst) {
+                // What is on this computer belongs on top of what is not there any more.
+                return Err(io::Error::other(SET_BACK));
+            }
+            let number = number.saturating_add(1);
+            let token = self.seal.token(&key, number)?;
+            changes.truncate(of_files);
+            changes.push(Change::Put(key.clone(), token.clone(), None));
             let behind = match before.is_empty() {
                 true => Condition::CreatedAt(&key, 0),
                 false => Condition::Holds(&key, &before),
             };
             let owned = Condition::CreatedAt(&owner, right.created);
-            if self.etcd.transact(&[owned, behind], &changes)?.is_some() {
-                last.0 = Some(token.to_vec());
-                return Ok(());
-            }
-            if self
-                .etcd
-                .get(&key)?
-                .is_some_and(|entry| entry.value == token)
-            {
-                // It was applied; only its repetition was not.
-                last.0 = Some(token.to_vec());
+            let applied = self.etcd.transact(&[owned, behind], &changes)?.is_some();
+            // Or it was applied, and only its repetition was not.
+            let is_there = |entry: Entry| entry.value == token;
+            if applied || self.etcd.get(&key)?.is_some_and(is_there) {
+                made.fetch_max(number, Ordering::SeqCst);
+                last.0 = Some(token);
                 return Ok(());
             }
             let owner = self.etcd.get(&owner)?;
@@ -382,6 +408,28 @@ impl Remote {
     }
 }
 
+/// How many changes of each lane etcd has; 0 where the last one was made without the key.
+pub(super) fn count_changes(etcd: &Etcd, names: &Names, seal: &Seal) -> io::Result<[u64; LANES]> {
+    let prefix = names.each_last();
+    let there = etcd.list(&prefix, &prefix, MAX_ENTRIES, 0)?.entries;
+    let mut changes = [0; LANES];
+    for (lane, number) in changes.iter_mut().enumerate() {
+        let key = names.last(lane);
+        let last = there.iter().find(|entry| entry.key == key);
+        *number = last.map_or(0, |entry| seal.number_of(&key, &entry.value));
+    }
+    Ok(changes)
+}
+
+/// Whether one lane has fewer changes than were seen.
+pub(super) fn lacks(changes: [u64; LANES], seen: [u64; LANES]) -> bool {
+    changes.iter().zip(seen).any(|(there, seen)| *there < seen)
+}
+
+/// What links live by, and everything else (`files`).
+pub(super) const LANES: usize = 2;
+const SET_BACK: &str =
+    "etcd was set back, as from a backup: it lacks changes that it has answered to this node";
 /// Bytes of a piece: a log that grows by a line has its last piece stored again.
 const PIECE: usize = 4_096;
 /// How often a change is tried behind late requests.

@@ -161,6 +161,38 @@ fn a_node_that_lost_its_vsm_stores_nothing_and_ends() {
     assert!(beta.ended().try_recv().is_err());
 }
 
+/// Restored from a backup that is younger than the last take-over, by somebody who has raised its revision, or beside others who have
+/// written to the same cluster since.
+#[test]
+fn an_etcd_that_lacks_changes_is_not_served_whatever_its_revision() {
+    if !kit::tools::is_installed("etcd") {
+        return;
+    }
+    let (etcd, folder) = (Etcd::start(1), tempfile::tempdir().unwrap());
+    let begin = || {
+        let (store, alpha) = own(&etcd, "alpha", folder.path(), 7)?;
+        let mut disk = QueuedDisk::new(store, Arc::new(Notify::new())).unwrap();
+        disk.replace("plan", b"a plan", Durability::Process)
+            .unwrap();
+        durable(&mut disk);
+        Ok::<_, FleetError>((disk, alpha))
+    };
+    drop(begin().unwrap());
+    // Its start notes how many changes there are.
+    let (mut disk, mut alpha) = begin().unwrap();
+    for lane in 0..2 {
+        etcd.delete(&format!("vsm/1b000001/last/{lane}"));
+    }
+    // What serves stores nothing on top of an earlier state, and ends.
+    let lost = disk.replace("plan", b"on top", Durability::Process);
+    assert!(lost.is_err() || !disk.wait(Duration::from_millis(500)));
+    let why = alpha.ended().blocking_recv().expect("it has the reason");
+    assert!(why.contains("etcd was set back"), "{why}");
+    drop((disk, alpha));
+    let fault = begin().map(drop).unwrap_err();
+    assert!(matches!(fault, FleetError::SetBack { .. }), "{fault}");
+}
+
 /// The lease of the first lasts, and with it what needs no store: status, sticks, and what is flown for a station that is lost.
 #[test]
 fn a_node_whose_key_was_deleted_ends_though_its_lease_lasts() {
