@@ -141,6 +141,7 @@ pub use findings::vehicle::EncryptedArrivals;
 pub use forward::ForwardStatus;
 pub use guard::{GroupReceiver, GuardEnd, GuardKeyUntil, GuardRefusal, GuardStatus, SealError};
 pub use link::encryption_status::EncryptionStatus;
+pub(crate) use link::frame::computer_of;
 pub use link::frame::{OutFrame, Peer};
 pub use link::key_agreement::{ExchangeNotice, ExchangeStatus};
 pub use link::key_recovery::KeyChange;

@@ -16,15 +16,20 @@ pub enum Peer {
 }
 
 impl Peer {
-    /// The computer that it is on; of IPv6 the network, since a computer may have every address in it.
+    /// The computer that it is on.
     pub(crate) fn host(self) -> u64 {
         match self {
-            Peer::Udp(address) | Peer::Tcp(address) => match address.ip().to_canonical() {
-                IpAddr::V4(ip) => ip.to_bits().into(),
-                IpAddr::V6(ip) => (ip.to_bits() >> 64) as u64,
-            },
+            Peer::Udp(address) | Peer::Tcp(address) => computer_of(address.ip()),
             Peer::Serial => 0,
         }
+    }
+}
+
+/// The number of the computer that has an address; of IPv6 that of the network, since a computer may have every address in it.
+pub(crate) fn computer_of(ip: IpAddr) -> u64 {
+    match ip.to_canonical() {
+        IpAddr::V4(ip) => ip.to_bits().into(),
+        IpAddr::V6(ip) => (ip.to_bits() >> 64) as u64,
     }
 }
 

@@ -48,6 +48,7 @@ pub use self::source::{PageInfo, Source, Span};
 pub use self::tiles::{Tiles, TilesError, TilesInfo};
 use super::tasks::Beat;
 use super::test_fault;
+use crate::session::computer_of;
 use crate::session::web::WebRefusal;
 
 /// What the page is served with, beside what it shows.
@@ -97,9 +98,10 @@ pub async fn serve(listener: TcpListener, page: Page, beat: Rc<Beat>, source: im
             None => open.retain(|connection| !connection.task.is_finished()),
             Some(Ok((stream, from))) => {
                 let from = SocketAddr::new(from.ip().to_canonical(), from.port());
+                let host = computer_of(from.ip());
                 if open.len() >= MAX_CONNECTIONS {
                     let held: Vec<_> = open.iter().map(|one| (one.host, !one.sent.get())).collect();
-                    let least = makes_room(&held, from.ip());
+                    let least = makes_room(&held, host);
                     if let Some(connection) = least.and_then(|at| open.remove(at)) {
                         connection.task.abort();
                     }
@@ -108,7 +110,6 @@ pub async fn serve(listener: TcpListener, page: Page, beat: Rc<Beat>, source: im
                 let of_one = (stream, from, door.clone());
                 let served = answer_one(of_one, hosts.clone(), routes.clone(), sent.clone());
                 let task = connections.spawn_local(test_fault::broken("page connection", served));
-                let host = from.ip();
                 open.push_back(Connection { host, sent, task });
             }
             Some(Err(cause)) => {
@@ -121,15 +122,15 @@ pub async fn serve(listener: TcpListener, page: Page, beat: Rc<Beat>, source: im
 
 /// An open connection, and whether its request is there.
 struct Connection {
-    host: IpAddr,
+    host: u64,
     sent: Rc<Cell<bool>>,
     task: AbortHandle,
 }
 
 /// Which of these places, the oldest first, is given to a newcomer: one of the host that has most of them, the newcomer counted; of
-/// these the oldest that is idle, or the oldest. `held`: of each its host, and whether it is idle.
-fn makes_room(held: &[(IpAddr, bool)], newcomer: IpAddr) -> Option<usize> {
-    let of = |host: IpAddr| {
+/// these the oldest that is idle, or the oldest. `held`: of each its host ([`computer_of`]), and whether it is idle.
+fn makes_room(held: &[(u64, bool)], newcomer: u64) -> Option<usize> {
+    let of = |host: u64| {
         let places = held.iter().filter(|(one, _)| *one == host).count();
         places + usize::from(host == newcomer)
     };
@@ -380,6 +381,24 @@ mod tests {
                 "421"
             );
         });
+    }
+
+    /// A computer may have every address of its network.
+    #[test]
+    fn one_network_of_ipv6_takes_no_place_of_another() {
+        let of = |text: &str| computer_of(text.parse().expect("an address"));
+        let held = [
+            "2001:db8::5",
+            "2001:db8:1::1",
+            "2001:db8:1::2",
+            "2001:db8:1::4",
+        ];
+        let held = held.map(|text| (of(text), true));
+        for newcomer in ["2001:db8:1::3", "2001:db8::6", "192.0.2.1"] {
+            assert_eq!(makes_room(&held, of(newcomer)), Some(1), "{newcomer}");
+        }
+        // One after the other, each by an address of its own.
+        assert_eq!(makes_room(&held[..2], of("2001:db8:1::9")), Some(1));
     }
 
     #[test]

@@ -36,6 +36,7 @@ use tokio::task::{AbortHandle, JoinSet};
 pub use self::clients::{ClientEnds, Clients};
 pub use self::report::{Admitted, Report};
 use super::{makes_room, routes};
+use crate::session::computer_of;
 use crate::session::web::{MAX_FRAME, WebRefusal};
 
 /// Where the reports of all connections arrive.
@@ -122,13 +123,14 @@ struct Waiting(Mutex<VecDeque<Unverified>>);
 #[derive(Debug)]
 struct Unverified {
     number: u64,
-    host: IpAddr,
+    host: u64,
     task: AbortHandle,
 }
 
 impl Waiting {
     /// The place of one more, and whether another had to leave for it.
-    fn enter(&self, number: u64, host: IpAddr, task: AbortHandle) -> bool {
+    fn enter(&self, number: u64, from: IpAddr, task: AbortHandle) -> bool {
+        let host = computer_of(from);
         let mut waiting = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         waiting.retain(|one| !one.task.is_finished());
         let full = waiting.len() >= MAX_WAITING;
