@@ -221,6 +221,19 @@ impl Store {
         })
     }
 
+    /// Members of etcd on other computers.
+    fn far_endpoints(&self) -> Vec<&str> {
+        let is_far = |endpoint: &&str| {
+            let address = endpoint.strip_prefix("http://").unwrap_or(endpoint);
+            let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
+            let host = host.trim_matches(|c: char| matches!(c, '[' | ']'));
+            let is_here = host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback());
+            host != "localhost" && !is_here
+        };
+        let all = self.endpoints.iter().map(String::as_str);
+        all.filter(is_far).collect()
+    }
+
     /// What a single value of `[store]` cannot show.
     fn check(&self) -> Result<(), Fault> {
         if self.kind == StoreKind::Files {
@@ -430,6 +443,14 @@ impl Config {
                  its vehicles; give it a guard, or keep the DLI on loopback, or behind a tunnel or firewall",
                 open.join(" and "),
                 unguarded.join(", ")
+            ));
+        }
+        let far = self.store.far_endpoints();
+        if !far.is_empty() {
+            warnings.push(format!(
+                "store.endpoints: requests to {} are neither encrypted nor authenticated: who is on the way can end this node's lease, or \
+                 hand a node that takes over an earlier right or plan; keep etcd and its nodes in a network of their own, or in a tunnel",
+                far.join(" and ")
             ));
         }
         if self.zeroize.by_message && !open.is_empty() && !unguarded.is_empty() {

@@ -63,6 +63,24 @@ fn a_station_whose_silence_costs_it_nothing_is_warned_of() {
 }
 
 #[test]
+fn an_etcd_on_another_computer_is_warned_of() {
+    let warns = |endpoints: &str| {
+        let store = format!(
+            "dir = \"state\"\nkind = \"etcd\"\nendpoints = [{endpoints}]\nnode = \"alpha\"\nkey_file = \"fleet.key\""
+        );
+        let text = GOOD.replace("dir = \"state\"", &store);
+        let config = Config::parse(&text, Path::new("")).expect("good");
+        let warnings = config.warnings();
+        warnings
+            .iter()
+            .any(|one| one.contains("neither encrypted nor authenticated"))
+    };
+    let here = "\"http://127.0.0.1:2379\", \"http://[::1]:2379\", \"http://localhost:2379\"";
+    assert!(!warns(here));
+    assert!(warns(&format!("{here}, \"http://10.0.0.1:2379\"")));
+}
+
+#[test]
 fn a_country_may_be_named_in_place_of_its_code() {
     let text = GOOD.replace("id = \"1b:00:00:a0\"", "id = \"deu:00:00:a0\"");
     let config = Config::parse(&text, Path::new("")).expect("good");
