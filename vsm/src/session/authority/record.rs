@@ -519,6 +519,10 @@ pub(crate) fn examine(
 ) -> Result<Vec<Examined>, StoreError> {
     let key = AuditKey::load(disk)?;
     let mut all = examine_both(vehicle, key.as_ref(), digits, disk)?;
+    if all.iter().any(|found| !found.findings.is_empty()) {
+        // A file that was put aside meanwhile looks like one that is deleted. What is wrong is found again.
+        all = examine_both(vehicle, key.as_ref(), digits, disk)?;
+    }
     for found in &mut all {
         // At a start this may be the log of an earlier version; since then it has been continued with the key.
         let is_due = found.kind == Kind::Control || found.chain.lines() > 0;
@@ -584,10 +588,14 @@ const TRY_AGAIN: Duration = Duration::from_secs(1);
 
 #[cfg(test)]
 mod tests {
+    use std::cell::{Cell, RefCell};
+    use std::rc::Rc;
+
     use mavlink_link::store::MemoryDisk;
     use stanag_msgs::enums::LoiBitmap;
     use stanag_msgs::messages::CucsAuthorisationRequest;
     use stanag_msgs::{Message, TimeStamp};
+    use zeroize::Zeroizing;
 
     use super::super::audit::{AUDIT_KEY, Chain};
     use super::super::rules::Reason;
@@ -667,6 +675,74 @@ mod tests {
         stored.expect_err("the disk is full");
         // A process that was killed here leaves nothing that looks like a record without its end.
         assert!(lines(&mut world, Kind::Control).is_empty());
+    }
+
+    /// A disk on which the control log is put aside once, just after its place for that was read.
+    struct Rotating {
+        disk: RefCell<MemoryDisk>,
+        is_rotated: Rc<Cell<bool>>,
+    }
+
+    impl Disk for Rotating {
+        fn read(
+            &self,
+            name: &str,
+            max_bytes: u64,
+        ) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
+            let read = self.disk.borrow().read(name, max_bytes);
+            let log = Kind::Control.file(VEHICLE);
+            if name == format!("{log}.1") && !self.is_rotated.replace(true) {
+                self.disk.borrow_mut().rotate(&log, 8)?;
+            }
+            read
+        }
+
+        fn replace(
+            &mut self,
+            name: &str,
+            bytes: &[u8],
+            durability: Durability,
+        ) -> Result<(), StoreError> {
+            self.disk.get_mut().replace(name, bytes, durability)
+        }
+
+        fn append(
+            &mut self,
+            name: &str,
+            bytes: &[u8],
+            durability: Durability,
+        ) -> Result<(), StoreError> {
+            self.disk.get_mut().append(name, bytes, durability)
+        }
+
+        fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
+            self.disk.get_mut().rename(from, to)
+        }
+
+        fn remove(&mut self, name: &str) -> Result<(), StoreError> {
+            self.disk.get_mut().remove(name)
+        }
+    }
+
+    #[test]
+    fn a_log_that_is_put_aside_while_it_is_verified_is_whole() {
+        let (mut world, mut record) = (World::new(), AuthorityRecord::default());
+        let mut memory = disk(None);
+        let key = "5a".repeat(32).into_bytes();
+        memory.records.insert(AUDIT_KEY.to_owned(), key);
+        let is_rotated = Rc::new(Cell::new(true));
+        world.disk = Box::new(Rotating {
+            disk: RefCell::new(memory),
+            is_rotated: is_rotated.clone(),
+        });
+        let stored = world.act(|context, _, effects| {
+            record.restore_audit(&Authority::default(), &context, effects)
+        });
+        stored.expect("stored");
+        is_rotated.set(false);
+        let all = examine(VEHICLE, &[], &*world.disk).expect("it is read");
+        assert!(is_rotated.get());
+        assert!(all.iter().all(|one| one.findings.is_empty()), "{all:?}");
     }
 
     #[test]
