@@ -20,7 +20,9 @@ mod shape;
 #[cfg(test)]
 mod testing;
 
-pub use crossing::{Crossing, circle_crossing, first_breach, first_leg_across, is_breached, way_crossing};
+pub use crossing::{
+    Crossing, circle_crossing, first_breach, first_leg_across, is_breached, way_crossing,
+};
 pub use error::{AreaError, Reason};
 pub use fence::{FencePoint, Holder, fence};
 pub use received::Areas;

@@ -4,7 +4,6 @@
 //! CUCS. Only a wait that commands nothing can run beside it: for the confirmation of a 2008 whose state the vehicle already
 //! has.
 
-use std::time::Duration;
 use std::{mem, slice};
 
 use mapping::mode::Px4Mode;
