@@ -80,7 +80,7 @@ pub(crate) struct World {
     progress: RouteProgress,
     remembered: Vec<Remembered>,
     vsm_alerts: Alerts,
-    outbox: Outbox,
+    pub(crate) outbox: Outbox,
     paths: Paths,
 }
 

@@ -1,12 +1,12 @@
 //! Manual flight by sticks (2010), and how it ends.
 
-use mapping::telemetry::Health;
+use mapping::telemetry::{Health, Orbit};
 
 use super::*;
 use crate::session::other::Other;
 
 #[test]
-fn sticks_stream_before_manual_flight_and_no_longer_once_it_is_refused() {
+fn sticks_stream_before_manual_flight_and_end_once_it_is_refused() {
     let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
     let manual = || select(Mode::FlightDirector);
     let answers = command(&mut world, &mut flight, manual());
@@ -32,9 +32,88 @@ fn sticks_stream_before_manual_flight_and_no_longer_once_it_is_refused() {
     assert_eq!(world.commanded_modes(), [Px4Mode::POSCTL]);
     let answers = answer_mode(&mut world, &mut flight, DENIED);
     assert_eq!(answers, [AckType::Refused]);
-    world.advance(Duration::from_millis(100));
+    // Those that move would take the vehicle: the last once more, and no others.
+    for posts in [1, 0, 0] {
+        world.advance(Duration::from_millis(50));
+        command(&mut world, &mut flight, sticks());
+        assert_eq!(world.posts().len(), posts);
+    }
+}
+
+/// PX4 has been sent sticks before it refuses their mode, and would leave the mode that it flies for their loss.
+#[test]
+fn a_vehicle_that_refuses_mode_2_stays_in_the_mode_that_it_flew() {
+    use MavState::{MAV_STATE_ACTIVE as ACTIVE, MAV_STATE_CRITICAL as CRITICAL};
+    for (flown, shown, status, repeats) in [
+        (Px4Mode::LOITER, Px4Mode::LOITER, CRITICAL, true),
+        (Px4Mode::MISSION, Px4Mode::LOITER, CRITICAL, true),
+        // COM_FAIL_ACT_T is 0.
+        (Px4Mode::MISSION, Px4Mode::RTL, CRITICAL, true),
+        (Px4Mode::OFFBOARD, Px4Mode::LOITER, CRITICAL, true),
+        (Px4Mode::LAND, Px4Mode::LOITER, CRITICAL, true),
+        // By switches of a remote control.
+        (Px4Mode::MISSION, Px4Mode::RTL, ACTIVE, false),
+        (Px4Mode::MISSION, Px4Mode::POSCTL, ACTIVE, false),
+    ] {
+        let (mut world, mut flight) = if flown == Px4Mode::OFFBOARD {
+            steered()
+        } else {
+            (World::airborne(flown), Flight::default())
+        };
+        command(&mut world, &mut flight, sticks());
+        command(&mut world, &mut flight, select(Mode::FlightDirector));
+        world.advance(SEEN_WITHIN);
+        command(&mut world, &mut flight, sticks());
+        assert_eq!(world.commanded_modes(), [Px4Mode::POSCTL]);
+        let answers = answer_mode(&mut world, &mut flight, DENIED);
+        assert_eq!(answers, [AckType::Refused]);
+        world.advance(Duration::from_millis(500));
+        handle(&mut world, &mut flight, Input::Advance);
+        assert_eq!(world.commanded_modes(), [], "not missed yet");
+        world.advance(Duration::from_millis(600));
+        world.vehicle.telemetry.system_status = Some(status);
+        world.show_mode(shown);
+        world.posts();
+        handle(&mut world, &mut flight, Input::ModeChanged);
+        handle(&mut world, &mut flight, Input::Advance);
+        if !repeats {
+            assert_eq!(world.commanded_modes(), [], "{shown:?}");
+            continue;
+        }
+        assert_eq!(world.commanded_modes(), [flown]);
+        let set_points = usize::from(flown == Px4Mode::OFFBOARD);
+        assert_eq!(world.posts().len(), set_points, "{flown:?}");
+        world.show_mode(flown);
+        let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+        assert_eq!(answers, [], "nobody waits for it");
+        assert!(!flight.view().maneuver, "{flown:?}");
+    }
+}
+
+/// Its mode has no number that would be enough.
+#[test]
+fn a_vehicle_that_refuses_mode_2_on_its_circle_is_sent_back_to_that() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::ORBIT), Flight::default());
+    world.vehicle.telemetry.orbit = Some(Orbit {
+        centre: world.vehicle.telemetry.position.expect("a place"),
+        radius_m: -40.0,
+    });
+    command(&mut world, &mut flight, sticks());
+    command(&mut world, &mut flight, select(Mode::FlightDirector));
+    world.advance(SEEN_WITHIN);
+    command(&mut world, &mut flight, sticks());
+    world.commanded_modes();
+    answer_mode(&mut world, &mut flight, DENIED);
+    world.advance(Duration::from_millis(1_100));
+    world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_CRITICAL);
+    world.show_mode(Px4Mode::LOITER);
     handle(&mut world, &mut flight, Input::Advance);
-    assert!(world.posts().is_empty() && flight.poll_timeout().is_none());
+    let sent = world.services.commands.poll_transmit();
+    let Some(MavMessage::COMMAND_INT(circle)) = sent else {
+        panic!("a circle, not {sent:?}");
+    };
+    let expected = (MavCmd::MAV_CMD_DO_ORBIT, -40.0);
+    assert_eq!((circle.command, circle.param1), expected);
 }
 
 /// In POSCTL by the sticks of station 0.
