@@ -3,7 +3,8 @@
 //! An operator who commands a mode sees what the vehicle does and may take it from either. What this VSM commands by itself,
 //! or was given earlier, may not: a safety pilot who has taken the vehicle must not lose it to a mode that nobody commands at
 //! that moment, and PX4 knows more of a fault than is reported. So the loss action, the hold of a vehicle that was steered, a
-//! command that was held or has waited for its route, and the end of a launch that was cut off ask here first.
+//! command that was held or has waited for its route, a 2016 that its station only repeats, and the end of a launch that was cut off ask
+//! here first.
 //!
 //! PX4 does not report who chose a mode. A mode that nothing enters from here has been chosen by somebody else: a pilot with
 //! a switch or sticks, another ground station, a failsafe. A pilot who chooses hold or the mission by a switch is not seen.

@@ -245,21 +245,25 @@ fn who_takes_control_ends_what_was_flown_for_nobody() {
     assert_eq!(rig.truth().mode, Px4::Loiter);
 }
 
-/// A pilot's radio control: sticks in the middle for so long, and first the mode POSCTL.
-fn fly_by_hand(rig: &mut Rig, seconds: f64) {
-    let radio = Node::new(255, 190);
-    let posctl = command::long(Node::new(1, 1), MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 3.0]);
+/// A pilot's radio control: sticks in the middle, and the mode POSCTL where it is `chosen`.
+pub(crate) fn radio(rig: &mut Rig, chosen: bool) {
+    let (radio, vehicle) = (Node::new(255, 190), rig.vehicles[0].vehicle_mut());
     let sticks = MavMessage::MANUAL_CONTROL(MANUAL_CONTROL_DATA {
         target: 1,
         z: 500,
         ..MANUAL_CONTROL_DATA::default()
     });
+    vehicle.handle_message(radio, &sticks);
+    if chosen {
+        let posctl = command::long(Node::new(1, 1), MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 3.0]);
+        vehicle.handle_message(radio, &posctl);
+    }
+}
+
+/// By radio control for so long.
+fn fly_by_hand(rig: &mut Rig, seconds: f64) {
     for step in 0..(seconds * 10.0) as u32 {
-        let vehicle = rig.vehicles[0].vehicle_mut();
-        vehicle.handle_message(radio, &sticks);
-        if step == 5 {
-            vehicle.handle_message(radio, &posctl);
-        }
+        radio(rig, step == 5);
         rig.run(0.1);
     }
 }

@@ -1,10 +1,15 @@
-//! A station that sends its 2016 again and again, each time with a new Time Stamp: it is one command, which is carried out once.
+//! A station that sends its 2016 again and again, each time with a new Time Stamp: it is one command, which is carried out once, and
+//! does not take the vehicle back from a pilot or a failsafe.
 
 use kit::bridge::{Rig, Setup, orders};
+use mavlink_link::dialect::MavCmd;
+use mavlink_link::service::{Node, command};
 use px4_sim::{Airframe, Config, Mode as Px4};
-use stanag_msgs::Scaled;
-use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, LoiterType};
+use stanag_msgs::enums::{AckType, FlightPathControlMode as Mode, HeadingCommandType, LoiterType};
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
+use stanag_msgs::{Bam16, Scaled};
+
+use super::loss_action::radio;
 
 /// Repeats a command until it is so; returns false after so many seconds.
 fn repeat_until(
@@ -134,4 +139,140 @@ fn a_wing_closes_its_circle_though_its_hold_is_commanded_again_and_again() {
     };
     let left = repeat_until(&mut rig, 1.0, 90.0, &hold, leaves);
     assert!(!left, "{:?}", rig.truth());
+}
+
+/// The hold of a station that sends it once a second, and the steering of one that sends another heading ten times a second.
+fn streams(tenth: u32, steers: bool) -> Option<VehicleOperatingModeCommand> {
+    if steers {
+        return Some(VehicleOperatingModeCommand {
+            heading_command_type: Some(HeadingCommandType::Heading),
+            commanded_heading: Some(Bam16::from_degrees(f64::from(tenth))),
+            ..orders::mode(Mode::Autopilot)
+        });
+    }
+    tenth.is_multiple_of(10).then(|| orders::mode(Mode::Loiter))
+}
+
+/// A command while a pilot has sticks, and how it ends.
+fn command_beside_a_pilot(rig: &mut Rig, command: VehicleOperatingModeCommand) -> Option<AckType> {
+    let ticket = rig.send(command);
+    for _ in 0..100 {
+        radio(rig, false);
+        rig.run(0.1);
+        if let Some(end) = rig.station().end(ticket) {
+            return Some(end);
+        }
+    }
+    None
+}
+
+#[test]
+fn a_pilot_keeps_the_vehicle_from_a_station_that_repeats_its_mode() {
+    for (steers, flown) in [(false, Px4::Loiter), (true, Px4::Offboard)] {
+        for paused in [true, false] {
+            let mut rig = ready();
+            let mut tenths = 0..;
+            let mut send = |rig: &mut Rig| {
+                let tenth = tenths.next().expect("without end");
+                if let Some(command) = streams(tenth, steers) {
+                    rig.send_once(command);
+                }
+            };
+            for _ in 0..50 {
+                send(&mut rig);
+                rig.run(0.1);
+            }
+            assert_eq!(rig.truth().mode, flown);
+            // The pilot's switch comes at some moment between two of them.
+            for step in 0..103 {
+                send(&mut rig);
+                radio(&mut rig, step == 7);
+                rig.run(0.1);
+                if step >= 7 {
+                    let alerts = rig.station().alerts();
+                    assert_eq!(rig.truth().mode, Px4::PosCtl, "{step}: {alerts:?}");
+                }
+            }
+            let why = "the vehicle is in POSCTL, by its pilot or a failsafe, and this only continues or repeats an earlier command";
+            let alerts = rig.station().alerts();
+            assert!(rig.station().has_alert(why), "{alerts:?}");
+            let again = streams(0, steers).expect("a command");
+            let end = command_beside_a_pilot(&mut rig, again.clone());
+            assert_eq!(end, Some(AckType::Refused));
+            // The operator decides.
+            let (decided, flown) = if paused {
+                for _ in 0..55 {
+                    radio(&mut rig, false);
+                    rig.run(0.1);
+                }
+                (again, flown)
+            } else {
+                (orders::mode(Mode::ContingencyA), Px4::Rtl)
+            };
+            let end = command_beside_a_pilot(&mut rig, decided);
+            let alerts = rig.station().alerts();
+            assert_eq!(
+                end,
+                Some(AckType::CarriedOut),
+                "{steers} {paused} {alerts:?}"
+            );
+            assert_eq!(rig.truth().mode, flown);
+        }
+    }
+}
+
+/// The radio control of a safety pilot is lost: PX4 holds, and then returns.
+#[test]
+fn a_failsafe_is_not_ended_by_a_station_that_repeats_its_mode() {
+    for paused in [true, false] {
+        let mut rig = ready();
+        let fly = orders::mode(Mode::Waypoint);
+        repeat_until(&mut rig, 1.0, 3.0, &fly, |_| false);
+        assert_eq!(rig.truth().mode, Px4::Mission);
+        for _ in 0..5 {
+            radio(&mut rig, false);
+            rig.run(0.1);
+        }
+        let returns = |rig: &Rig| rig.truth().mode == Px4::Rtl;
+        let alerts = |rig: &Rig| rig.station().alerts();
+        let returned = repeat_until(&mut rig, 1.0, 15.0, &fly, returns);
+        assert!(returned, "{:?} {:?}", rig.truth(), alerts(&rig));
+        let left = repeat_until(&mut rig, 1.0, 8.0, &fly, |rig| !returns(rig));
+        assert!(!left, "{:?}", alerts(&rig));
+        let why = "as its failsafe, and this only continues or repeats an earlier command";
+        assert!(rig.station().has_alert(why), "{:?}", alerts(&rig));
+        let (decided, flown) = if paused {
+            rig.run(5.5);
+            (fly, Px4::Mission)
+        } else {
+            (orders::mode(Mode::Loiter), Px4::Loiter)
+        };
+        rig.done(decided);
+        assert_eq!(rig.truth().mode, flown);
+    }
+}
+
+/// A pilot lands beside the launch site.
+#[test]
+fn a_launch_that_is_commanded_again_and_again_starts_no_motors_after_the_landing() {
+    let mut rig = Rig::ready();
+    let launch = orders::launch(10.0);
+    let flies = |rig: &Rig| -rig.truth().position.d > 9.0;
+    assert!(repeat_until(&mut rig, 1.0, 60.0, &launch, flies));
+    let node = Node::new(255, 190);
+    let land = command::long(
+        Node::new(1, 1),
+        MavCmd::MAV_CMD_DO_SET_MODE,
+        [1.0, 4.0, 6.0],
+    );
+    rig.vehicles[0].vehicle_mut().handle_message(node, &land);
+    let stands = |rig: &Rig| !rig.truth().armed;
+    assert!(repeat_until(&mut rig, 1.0, 90.0, &launch, stands));
+    let starts = |rig: &Rig| rig.truth().armed;
+    assert!(!repeat_until(&mut rig, 1.0, 15.0, &launch, starts));
+    let alerts = rig.station().alerts();
+    let why = "the vehicle has landed since, and this only continues or repeats";
+    assert!(rig.station().has_alert(why), "{alerts:?}");
+    rig.run(5.5);
+    rig.done(launch);
 }

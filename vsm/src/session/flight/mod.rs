@@ -5,7 +5,8 @@
 //!
 //! - `mode_command`: turns a 2016 into steps for PX4, or gives the reason why PX4 cannot do it; pure. `wings`: differences
 //!   for fixed wings. `situation`: the input of that decision
-//! - `running`: the maneuver in progress; `repeated`: a command that its station sends again and again
+//! - `running`: the maneuver in progress; `repeated`: a command that its station sends again and again, also after
+//!   somebody has taken the vehicle out of its mode
 //! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
 //! - `curve_stream`: curves of a mission flown by set points, where that is configured; `streamed`: what it reads and commands
 //! - `settings` (2017, altimeter), `engine` (2008)
@@ -55,6 +56,7 @@ use stanag_msgs::messages::{
 use self::curve_stream::CurveStream;
 use self::loss_action::LossAction;
 use self::repeated::{Repeated, Repetition};
+use self::running::NOT_NEW;
 use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
 use self::sticks::{Due, SEEN_WITHIN, Sticks, lost_within};
@@ -99,8 +101,6 @@ pub(crate) struct Flight {
     engine_command: Option<CommandedEngineState>,
     loss_action: LossAction,
     contingencies: Contingencies,
-    /// The mode last named by a CUCS, and when: if it is named again at once, the command is part of a stream.
-    mode_commanded: Option<(Mode, Duration)>,
     repeated: Repeated,
     /// When the command arrived whose route is, or was, being uploaded.
     load_commanded: Option<Duration>,
@@ -278,9 +278,6 @@ impl Flight {
         self.watched.note_stop(stopped);
         self.contingencies.note_stop(stopped);
         self.repeated.note_stop(stopped);
-        if let Some((_, at)) = &mut self.mode_commanded {
-            *at += stopped;
-        }
         self.load_commanded = self.load_commanded.map(|at| at + stopped);
     }
 
@@ -532,7 +529,7 @@ impl Flight {
         let changed = changes::loiter(&merged, &self.loiter).collect();
         // A setting is only stored: 17000 type 2 comes at once, and the next loiter (2016 mode 12) flies by it.
         self.loiter = merged;
-        self.repeated.forget();
+        self.repeated.reopen();
         effects.acknowledge(&origin, AckType::CarriedOut);
         effects.request(Request::Configured {
             changed,
@@ -603,17 +600,27 @@ impl Flight {
         just_loaded: bool,
         effects: &mut Effects<'_>,
     ) {
-        if !context.vehicle.live() {
+        let (now, vehicle, mission) = (context.mono(), context.vehicle, &context.mission);
+        // What was uploaded for a command is not another one.
+        let repeats = !just_loaded && self.repeated.is_continued(now, origin, command);
+        let undecided =
+            origin.and_then(|by| self.is_undecided(context, by, command, just_loaded, repeats));
+        // Before all refusals: what repeats a refused command is part of a stream too, and no station pauses by a silence of the
+        // vehicle. Not where it is refused as too early: sent again after the alert, it is the decision that `TOO_EARLY` requests.
+        let repetition = if just_loaded || (undecided.is_some() && !repeats) {
+            Repetition::None
+        } else {
+            let other = || self.shown_other(vehicle, now).is_some();
+            let over_other = vehicle.live().then(other);
+            self.repeated
+                .note(now, origin, command, mission, over_other)
+        };
+        if !vehicle.live() {
             return effects.refuse(origin, SILENT);
         }
-        if let Some(by) = origin
-            // Before all other checks: it also records the mode, so that a repetition of a refused command is recognised.
-            && let Some(why) = self.is_undecided(context, by, command, just_loaded)
-        {
+        if let Some(why) = undecided {
             return effects.refuse(origin, why);
         }
-        let (now, mission) = (context.mono(), &context.mission);
-        let repetition = self.repeated.note(now, origin, command, mission);
         let telemetry = &context.vehicle.telemetry;
         let altimeter = match settings::altimeter_of(command, self.altimeter) {
             Ok(altimeter) => altimeter,
@@ -643,6 +650,16 @@ impl Flight {
             wings: context.parameters.wings(context),
             vtol_loiter_m: context.parameters.get("VTO_LOITER_ALT"),
         };
+        if repetition != Repetition::None
+            && let Some(by) = self.taken_by(context, mode_command::is_over(&situation))
+        {
+            return effects.refuse(origin, format!("{by}, and {NOT_NEW}"));
+        }
+        if let (Repetition::OfDone, Some(origin)) = (repetition, origin)
+            && self.is_still_flown(context)
+        {
+            return effects.acknowledge(&origin, AckType::CarriedOut);
+        }
         let winged = situation.wings.is_some();
         let hovers_instead = mode_command::hovers_instead(command, &situation);
         let continues_instead = mode_command::continues_instead(command, &situation);
@@ -680,9 +697,6 @@ impl Flight {
                 effects.answer_sometimes(&[origin.station], text);
             }
         }
-        if repetition == Repetition::None && origin.is_some() && situation::names_mode(command) {
-            self.repeated.forget();
-        }
         match task {
             Task::Nothing => {
                 if let Some(origin) = origin {
@@ -690,9 +704,8 @@ impl Flight {
                 }
             }
             Task::Steps(steps, commanded) => {
-                // A jump that begins again before the vehicle has shown it would never be shown.
-                let jumps = steps.iter().any(|step| matches!(step, Step::SetCurrent(_)));
-                if let (true, Repetition::OfRunning, Some(by)) = (jumps, repetition, origin) {
+                // What begins again before the vehicle has shown it would never be shown.
+                if let (Repetition::OfRunning, Some(by)) = (repetition, origin) {
                     return self.join(by, effects);
                 }
                 if let Some(why) = waits_for_transfer(&steps, context) {
@@ -702,8 +715,6 @@ impl Flight {
                     report_restart(context, effects);
                 }
                 self.begin(context, origin, Maneuver::new(steps, commanded), effects);
-                self.repeated
-                    .begun(now, origin, command, mission, repetition);
             }
             Task::Launch(steps, commanded) => {
                 // Begun again, it would first be ended, which stops the motors.
@@ -716,17 +727,19 @@ impl Flight {
                 // If a step after arming fails, the motors must not keep running on the ground.
                 let maneuver = Maneuver::new(steps, commanded).undone_by(maneuver::arm(false));
                 self.begin(context, origin, maneuver, effects);
-                self.repeated
-                    .begun(now, origin, command, mission, repetition);
             }
             Task::Manual => self.fly_manually(context, origin, effects),
             Task::Steer(order, commanded) => {
-                self.steer(context, origin, order, commanded, effects);
+                self.steer(context, origin, repetition, (order, commanded), effects);
             }
             Task::Load(route_type) => {
                 self.load_and_fly(context, origin, Some(route_type), command, effects);
             }
             Task::Reload => self.load_and_fly(context, origin, None, command, effects),
+        }
+        let running = self.maneuver.as_ref().and_then(|(by, _)| *by);
+        if origin.is_some_and(|by| running == Some(by) || self.joined.last() == Some(&by)) {
+            self.repeated.begun(origin, command, mission, repetition);
         }
     }
 
@@ -831,8 +844,8 @@ impl Flight {
         &mut self,
         context: &Context<'_>,
         origin: Option<Origin>,
-        order: steering::Order,
-        mut commanded: Commanded,
+        repetition: Repetition,
+        (order, mut commanded): (steering::Order, Commanded),
         effects: &mut Effects<'_>,
     ) {
         if context.vehicle.awaits_mode() {
@@ -863,8 +876,8 @@ impl Flight {
         if let Err(why) = steering.take(context.mono(), order, telemetry) {
             return effects.refuse(origin, why);
         }
-        // While the mode is being entered, a demand that continues its command changes only the set points.
-        if self.is_continued_by(origin)
+        // While the mode is being entered, a demand that continues its command, or the next of a stream, changes only the set points.
+        if (self.is_continued_by(origin) || repetition != Repetition::None)
             && let (Some((_, running)), Some(origin)) = (&mut self.maneuver, origin)
             && running.enters(Px4Mode::OFFBOARD)
         {

@@ -3,16 +3,25 @@
 //! It is one command. Decided again each time, it would fly a route once more as soon as that has ended, send the vehicle back to a
 //! waypoint that it has passed, have a wing begin its circle where it is at that moment, and stop the motors of a launch to start them
 //! again. So what a command leads to once is not done again by one of the same station with the same fields within
-//! [`REPEATED_WITHIN`] of the one before. A mode that the vehicle was taken out of since is entered again.
+//! [`REPEATED_WITHIN`] of the one before.
+//!
+//! Nor is it a decision against whoever has the vehicle since: a pilot, a failsafe of PX4, another station, a contingency or a hold of
+//! this VSM. There the mode alone counts, since a stream of steering commands has other values each time: one of the same mode within
+//! that time is refused with the reason for as long as the vehicle is not back in the mode.
 
 use std::time::Duration;
 
+use mapping::mode::Px4Mode;
+use stanag_msgs::enums::FlightPathControlMode as Mode;
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
 use super::situation::names_mode;
+use super::{Context, Flight};
 use crate::session::context::{MissionView, Origin};
+use crate::session::maneuver::Maneuver;
+use crate::session::other::Other;
 
-/// The last 2016 of a CUCS that names a mode and has begun a maneuver: while it is not carried out, that is the one in progress.
+/// The last 2016 of a CUCS that names a mode.
 #[derive(Debug, Default)]
 pub(super) struct Repeated(Option<Latest>);
 
@@ -24,7 +33,20 @@ struct Latest {
     mission_id: Option<u32>,
     /// When it came last.
     at: Duration,
-    carried_out: bool,
+    state: State,
+    /// Whether somebody else had the vehicle as its station began to command the mode; `None` where that is not known.
+    over_other: Option<bool>,
+    /// The mode of the vehicle in which one of the stream was carried out.
+    reached: Option<Px4Mode>,
+}
+
+#[derive(Debug, PartialEq, Eq)]
+enum State {
+    /// It was refused, waits for its route, or would lead to something else now.
+    Open,
+    /// It is the maneuver in progress.
+    Running,
+    CarriedOut,
 }
 
 /// What a 2016 is beside the one before.
@@ -32,6 +54,8 @@ struct Latest {
 pub(super) enum Repetition {
     /// Another command, or one after a pause.
     None,
+    /// The same mode, with other values or not begun.
+    OfMode,
     /// The same, which is being carried out.
     OfRunning,
     /// The same, which was carried out.
@@ -39,68 +63,114 @@ pub(super) enum Repetition {
 }
 
 impl Repeated {
-    /// A 2016 comes; without origin it is a command of the VSM.
+    /// Whether a 2016 that comes now belongs to the stream of the one before.
+    pub(super) fn is_continued(
+        &self,
+        now: Duration,
+        origin: Option<Origin>,
+        command: &VehicleOperatingModeCommand,
+    ) -> bool {
+        sender(origin, command).is_some_and(|by| match &self.0 {
+            Some(latest) => {
+                let same = by == latest.station && mode(command) == latest.mode();
+                same && now.saturating_sub(latest.at) < REPEATED_WITHIN
+            }
+            // The time is counted from the start of the process: the stream may be older than that.
+            None => now < REPEATED_WITHIN,
+        })
+    }
+
+    /// A 2016 comes; without origin it is a command of the VSM. `over_other`: whether somebody else has the vehicle.
     pub(super) fn note(
         &mut self,
         now: Duration,
         origin: Option<Origin>,
         command: &VehicleOperatingModeCommand,
         mission: &MissionView<'_>,
+        over_other: Option<bool>,
     ) -> Repetition {
-        let Some((by, latest)) = sender(origin).zip(self.0.as_mut()) else {
+        let continued = self.is_continued(now, origin, command);
+        let Some(station) = sender(origin, command) else {
             return Repetition::None;
         };
-        let same = by == latest.station
-            && without_stamp(command) == *latest.command
-            && mission_id(mission) == latest.mission_id;
-        if !same || now.saturating_sub(latest.at) >= REPEATED_WITHIN {
-            return Repetition::None;
+        let (command, mission_id) = (without_stamp(command), mission_id(mission));
+        if let Some(latest) = self.0.as_mut().filter(|_| continued) {
+            latest.at = now;
+            if mission_id != latest.mission_id {
+                // Its operator has loaded another route, for which the vehicle was put on hold.
+                latest.reached = None;
+            } else if command == *latest.command {
+                return match latest.state {
+                    State::Open => Repetition::OfMode,
+                    State::Running => Repetition::OfRunning,
+                    State::CarriedOut => Repetition::OfDone,
+                };
+            }
+            *latest.command = command;
+            (latest.mission_id, latest.state) = (mission_id, State::Open);
+            return Repetition::OfMode;
         }
-        latest.at = now;
-        if latest.carried_out {
-            Repetition::OfDone
+        self.0 = Some(Latest {
+            station,
+            command: Box::new(command),
+            mission_id,
+            at: now,
+            state: State::Open,
+            over_other: over_other.filter(|_| !continued),
+            reached: None,
+        });
+        if continued {
+            Repetition::OfMode
         } else {
-            Repetition::OfRunning
+            Repetition::None
         }
     }
 
     /// A 2016 has begun a maneuver.
     pub(super) fn begun(
         &mut self,
-        now: Duration,
         origin: Option<Origin>,
         command: &VehicleOperatingModeCommand,
         mission: &MissionView<'_>,
         repetition: Repetition,
     ) {
         // One without a mode changes values in the mode that is flown.
-        if let Some(station) = sender(origin).filter(|_| names_mode(command)) {
-            self.0 = Some(Latest {
-                station,
-                command: Box::new(without_stamp(command)),
-                mission_id: mission_id(mission),
-                at: now,
-                // It only continues what was carried out.
-                carried_out: repetition == Repetition::OfDone,
-            });
+        let by = sender(origin, command);
+        let is_latest =
+            |latest: &&mut Latest| by == Some(latest.station) && mode(command) == latest.mode();
+        if let Some(latest) = self.0.as_mut().filter(is_latest) {
+            latest.mission_id = mission_id(mission);
+            // Else it only continues what was carried out.
+            if repetition != Repetition::OfDone {
+                latest.state = State::Running;
+            }
         }
     }
 
-    /// The maneuver in progress has ended as commanded.
-    pub(super) fn carried_out(&mut self) {
-        if let Some(latest) = &mut self.0 {
-            latest.carried_out = true;
+    /// The maneuver in progress has ended as commanded, with the vehicle in this mode.
+    pub(super) fn carried_out(&mut self, mode: Option<Px4Mode>) {
+        if let Some(latest) = self.running() {
+            (latest.state, latest.reached) = (State::CarriedOut, mode);
         }
     }
 
     /// The maneuver in progress has ended otherwise: the next command is a new attempt.
     pub(super) fn ended(&mut self) {
-        self.0.take_if(|latest| !latest.carried_out);
+        if let Some(latest) = self.running() {
+            latest.state = State::Open;
+        }
     }
 
-    /// A CUCS commands something else, or what it would lead to has changed.
-    pub(super) fn forget(&mut self) {
-        self.0 = None;
+    fn running(&mut self) -> Option<&mut Latest> {
+        let running = |latest: &&mut Latest| latest.state == State::Running;
+        self.0.as_mut().filter(running)
+    }
+
+    /// What it would lead to has changed.
+    pub(super) fn reopen(&mut self) {
+        if let Some(latest) = &mut self.0 {
+            latest.state = State::Open;
+        }
     }
 
     /// The bridge did not run for so long: no station has paused by that.
@@ -111,10 +181,127 @@ impl Repeated {
     }
 }
 
-/// The station of a command as it arrives: a held one is carried out once.
-fn sender(origin: Option<Origin>) -> Option<usize> {
-    let by = origin.filter(|origin| origin.held.is_none());
+impl Flight {
+    /// Who has taken the vehicle out of the mode that a CUCS repeats, or is about to. `at_end`: the route aboard was flown to its end.
+    pub(super) fn taken_by(&self, context: &Context<'_>, at_end: bool) -> Option<String> {
+        let latest = self.repeated.0.as_ref()?;
+        let (vehicle, now) = (context.vehicle, context.mono());
+        let telemetry = &vehicle.telemetry;
+        let mode = telemetry.mode?;
+        // Also by a report of before the last command: nothing of the stream has led there.
+        let other = self.shown_other(vehicle, now);
+        let Some(reached) = latest.reached else {
+            return other
+                .filter(|other| latest.is_met_by(*other))
+                .map(|other| other.to_string());
+        };
+        if latest.mode() == Some(Mode::Launch) && telemetry.stands() {
+            return Some("the vehicle has landed since".to_owned());
+        }
+        // Nothing is flown, and nobody is about to.
+        if telemetry.armed == Some(false) && !matches!(other, Some(Other::Pilot(_))) {
+            return None;
+        }
+        let (by, running) = match &self.maneuver {
+            Some((by, running)) => (*by, Some(running)),
+            None => (None, None),
+        };
+        let enters = running.is_some_and(Maneuver::enters_a_mode);
+        let of_station = by.is_some_and(|by| by.held.is_none());
+        // OFFBOARD, and the mission again, are the VSM's own way along the route.
+        let on_curve = self.curve_stream.is_flown() && reached == Px4Mode::MISSION;
+        if enters && !of_station && !on_curve {
+            return Some("this VSM is commanding another mode".to_owned());
+        }
+        if mode == reached || (on_curve && mode == Px4Mode::OFFBOARD) {
+            // A mode that is commanded again ends a failsafe that holds before it acts. PX4's warning in any other mode is no reason
+            // to refuse what takes nothing from it.
+            let keeps = |other: &Other| {
+                matches!(other, Other::Pilot(_)) || *other == Other::Failsafe(Px4Mode::LOITER)
+            };
+            let other = self.other(vehicle, now).filter(keeps);
+            return other.map(|other| other.to_string());
+        }
+        let is_own = match other {
+            Some(Other::Ending(mode)) => running.is_some_and(|running| running.enters(mode)),
+            Some(_) => false,
+            // A load puts the vehicle on hold.
+            None => {
+                (enters && of_station)
+                    || context.mission.is_transferring()
+                    || (mode == Px4Mode::LOITER && ends_in_a_hold(reached, at_end))
+            }
+        };
+        if is_own {
+            return None;
+        }
+        let others = other.filter(|_| self.watched.entered != Some(mode));
+        Some(match others {
+            Some(other) => other.to_string(),
+            None => format!(
+                "the vehicle is in {} now, by its pilot, another station or this VSM",
+                mode.name()
+            ),
+        })
+    }
+
+    /// Whether the vehicle still flies what the latest 2016 has led to, so that to carry it out again would only command the mode once
+    /// more: a pilot or a failsafe that has just taken the vehicle, and is not reported yet, would lose it.
+    pub(super) fn is_still_flown(&self, context: &Context<'_>) -> bool {
+        let latest = self.repeated.0.as_ref();
+        let Some((latest, reached)) = latest.and_then(|one| Some((one, one.reached?))) else {
+            return false;
+        };
+        let is_shown = self.settled_mode(context) == Some(reached);
+        match reached {
+            Px4Mode::LOITER | Px4Mode::ORBIT | Px4Mode::RTL | Px4Mode::LAND => {
+                is_shown && latest.mode() != Some(Mode::Launch)
+            }
+            Px4Mode::POSCTL => is_shown && self.sticks.fresh(context.mono()),
+            Px4Mode::MISSION => self.curve_stream.is_flown(),
+            // Nothing in it commands the mode.
+            _ => false,
+        }
+    }
+}
+
+impl Latest {
+    fn mode(&self) -> Option<Mode> {
+        mode(&self.command)
+    }
+
+    /// Whether somebody has the vehicle who did not have it as the station began to command a mode that was not reached since.
+    fn is_met_by(&self, other: Other) -> bool {
+        match other {
+            Other::Pilot(_) | Other::Failsafe(_) => self.over_other != Some(true),
+            // It may be what was commanded, shown late, or was commanded before the VSM was started.
+            Other::Ending(_) => {
+                const END: [Mode; 3] =
+                    [Mode::AutolandEngage, Mode::ContingencyA, Mode::ContingencyB];
+                let ends = self.mode().is_some_and(|mode| END.contains(&mode));
+                self.over_other == Some(false) && !ends
+            }
+        }
+    }
+}
+
+/// Whether PX4 itself leads from this mode to AUTO.LOITER.
+fn ends_in_a_hold(reached: Px4Mode, at_end: bool) -> bool {
+    match reached {
+        Px4Mode::TAKEOFF | Px4Mode::VTOL_TAKEOFF => true,
+        Px4Mode::MISSION => at_end,
+        _ => false,
+    }
+}
+
+/// The station of a command with a mode, as it arrives: a held one is carried out once.
+fn sender(origin: Option<Origin>, command: &VehicleOperatingModeCommand) -> Option<usize> {
+    let by = origin.filter(|origin| origin.held.is_none() && names_mode(command));
     by.map(|origin| origin.station)
+}
+
+fn mode(command: &VehicleOperatingModeCommand) -> Option<Mode> {
+    command.select_flight_path_control_mode
 }
 
 fn without_stamp(command: &VehicleOperatingModeCommand) -> VehicleOperatingModeCommand {

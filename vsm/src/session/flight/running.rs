@@ -11,7 +11,7 @@ use mapping::report::{self, Commanded, CommandedDirection};
 use stanag_msgs::enums::{AckType, AlertPriority, FlightPathControlMode as Mode, SubsystemId};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
-use super::repeated::REPEATED_WITHIN;
+use super::situation::names_mode;
 use super::sticks::lost_within;
 use super::unexplained::Unexplained;
 use super::wings::{BreakOff, Shown};
@@ -77,37 +77,26 @@ impl Flight {
     /// contingency. A stream of steering commands, a repeated command, or a command sent before the alert is no such
     /// decision.
     pub(super) fn is_undecided(
-        &mut self,
+        &self,
         context: &Context<'_>,
         origin: Origin,
         command: &VehicleOperatingModeCommand,
         just_loaded: bool,
-    ) -> Option<&'static str> {
-        let now = context.mono();
-        let mode = command.select_flight_path_control_mode;
-        let mode = mode.filter(|mode| *mode != Mode::NoMode);
-        let before = self.mode_commanded;
-        let repeats = before.is_some_and(|(before, at)| {
-            Some(before) == mode && now.saturating_sub(at) < REPEATED_WITHIN
-        });
-        let stands = self.contingencies.stands();
-        // A new mode that is refused as too early is not recorded: the same command, sent again after the alert, is the
-        // decision that `TOO_EARLY` requests, not a repetition.
-        if let Some(mode) = mode.filter(|_| repeats || !stands) {
-            self.mode_commanded = Some((mode, now));
-        }
-        if !stands || origin.held.is_some() {
+        repeats: bool,
+    ) -> Option<String> {
+        if !self.contingencies.stands() || origin.held.is_some() {
             return None;
         }
-        if just_loaded {
-            let came = self.load_commanded.unwrap_or(now);
-            return (!self.contingencies.knew_of(came)).then_some(TOO_EARLY);
-        }
+        let now = context.mono();
         let is_demand = matches!(origin.continues, Some(Continues::Demand(_)));
-        if mode.is_none() || is_demand || repeats {
-            return Some(NOT_NEW);
-        }
-        (!self.contingencies.knew_of(now)).then_some(TOO_EARLY)
+        let came = match just_loaded {
+            true => self.load_commanded.unwrap_or(now),
+            false if !names_mode(command) || is_demand || repeats => {
+                return Some(format!("a contingency is commanded, and {NOT_NEW}"));
+            }
+            false => now,
+        };
+        (!self.contingencies.knew_of(came)).then(|| TOO_EARLY.to_owned())
     }
 
     /// Whether a command continues the one in progress: it is answered together with it and supersedes nothing.
@@ -304,7 +293,7 @@ impl Flight {
                 self.commanded.speed_leg =
                     uploaded.and_then(|uploaded| report::to_index(telemetry, &uploaded.compiled));
                 self.maneuver = None;
-                self.repeated.carried_out();
+                self.repeated.carried_out(telemetry.mode);
                 for origin in origin.into_iter().chain(mem::take(&mut self.joined)) {
                     effects.acknowledge(&origin, AckType::CarriedOut);
                 }
@@ -476,6 +465,6 @@ static STAYED_IN: [Px4Mode; 6] = [
 const MAX_JOINED: usize = 64;
 const TOO_EARLY: &str =
     "a contingency is commanded since less than 3 s: command again, in knowledge of its alert";
-const NOT_NEW: &str = "a contingency is commanded, and this only continues or repeats an earlier command: command another mode, \
-                       or pause for 5 s";
+pub(super) const NOT_NEW: &str =
+    "this only continues or repeats an earlier command: command another mode, or pause for 5 s";
 const SUPERSEDED: &str = "superseded by a later command";

@@ -39,11 +39,6 @@ pub(super) fn loiter(
 ) -> Result<Task, String> {
     let speed = speed(command, &at.performance)?;
     let place = place(command, at)?;
-    // A wing would begin another circle each time, where it is at that moment.
-    let again = at.repeats && place.is_none() && !at.telemetry.hovers();
-    if again && at.settled_mode() == Some(Px4Mode::LOITER) {
-        return Ok(Task::Nothing);
-    }
     let mut pattern = settings::pattern(at.loiter, at.telemetry.airframe())?;
     let (level, circle) = match altitude(command) {
         Some(metres) => {

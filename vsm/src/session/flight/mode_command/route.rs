@@ -261,7 +261,7 @@ pub(crate) fn restarts_route(command: &VehicleOperatingModeCommand, at: &Situati
 }
 
 /// Whether the route aboard was flown to its end.
-fn is_over(at: &Situation<'_>) -> bool {
+pub(crate) fn is_over(at: &Situation<'_>) -> bool {
     // A fixed wing's mission is not complete at the end of its route: it loiters there until its landing.
     let seq = at.telemetry.mission.map(|mission| mission.seq);
     let compiled = at.uploaded.map(|uploaded| &uploaded.compiled);

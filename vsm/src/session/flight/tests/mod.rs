@@ -1,7 +1,7 @@
 //! The machine without the others: commands go in, the vehicle's side is played by the test.
 //!
 //! In reading order: `maneuvers` (commands), `sticks` and `steering` (streams), `stops` (of the bridge), `loss` (of the controlling
-//! CUCS), `landings` (of a wing).
+//! CUCS), `landings` (of a wing), `taken` (from a station that repeats its command).
 
 mod landings;
 mod loss;
@@ -9,6 +9,7 @@ mod maneuvers;
 mod steering;
 mod sticks;
 mod stops;
+mod taken;
 
 use mapping::route::CompiledMission;
 use mapping::telemetry::{LandedState, MissionProgress};
@@ -80,6 +81,23 @@ fn turn_to(heading: f64) -> VehicleOperatingModeCommand {
         commanded_heading: Some(Bam16::from_radians(heading)),
         ..select(Mode::Autopilot)
     }
+}
+
+/// On hold by mode 12.
+fn held() -> (World, Flight) {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::MISSION), Flight::default());
+    enters(&mut world, &mut flight, Mode::Loiter, Px4Mode::LOITER);
+    (world, flight)
+}
+
+/// A mode is commanded, and carried out.
+fn enters(world: &mut World, flight: &mut Flight, commanded: Mode, mode: Px4Mode) {
+    let answers = command(world, flight, select(commanded));
+    assert_eq!(answers, [AckType::Received]);
+    assert_eq!(world.commanded_modes(), [mode]);
+    world.show_mode(mode);
+    let answers = answer_mode(world, flight, ACCEPTED);
+    assert_eq!(answers, [AckType::CarriedOut]);
 }
 
 /// Steered by set points, in the mode for that.

@@ -282,6 +282,14 @@ fn centred_sticks_follow_a_mode_2_that_is_refused_while_a_failsafe_holds() {
         } else {
             (World::airborne(Px4Mode::MISSION), Flight::default())
         };
+        if was_flown {
+            // Mode 2 is a new command by then.
+            for _ in 0..60 {
+                world.advance(Duration::from_millis(100));
+                command(&mut world, &mut flight, sticks());
+            }
+            world.posts();
+        }
         failsafe(&mut world);
         command(&mut world, &mut flight, sticks());
         for (attempt, superseded) in [false, true, false].into_iter().enumerate() {

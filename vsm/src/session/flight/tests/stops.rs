@@ -74,13 +74,17 @@ fn sticks_after_a_stop_of_the_bridge_wait_for_the_mode() {
 /// A command that waited in a socket is part of the stream that it was sent in.
 #[test]
 fn no_station_has_paused_while_the_bridge_did_not_run() {
-    let (mut world, mut flight) = (World::airborne(Px4Mode::POSCTL), Flight::default());
-    command(&mut world, &mut flight, select(Mode::Loiter));
-    let stopped = Duration::from_secs(60);
-    world.advance(stopped);
-    flight.note_stop(stopped);
-    let commanded = Some((Mode::Loiter, world.now.mono));
-    assert_eq!(flight.mode_commanded, commanded);
+    for stands_still in [true, false] {
+        let (mut world, mut flight) = held();
+        world.show_mode(Px4Mode::POSCTL);
+        let stopped = Duration::from_secs(60);
+        world.advance(stopped);
+        if stands_still {
+            flight.note_stop(stopped);
+        }
+        let answers = command(&mut world, &mut flight, select(Mode::Loiter));
+        assert_eq!(answers.contains(&AckType::Refused), stands_still);
+    }
 }
 
 /// The reason may wait unread while the bridge does not run.
