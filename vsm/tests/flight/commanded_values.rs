@@ -161,21 +161,6 @@ fn a_speed_on_a_circle_is_flown_before_it_is_acknowledged() {
 }
 
 #[test]
-fn a_circle_that_was_configured_before_a_restart_of_the_bridge_is_flown_after_it() {
-    let mut rig = Rig::ready();
-    rig.take_off(20.0);
-    rig.done(LoiterConfiguration {
-        loiter_type: Some(LoiterType::Circular),
-        loiter_radius: Some(Scaled::saturating_from_si(20.0)),
-        ..LoiterConfiguration::default()
-    });
-    rig.restart_bridge();
-    rig.run(5.0);
-    rig.done(there(40.0, 0.0));
-    assert_eq!(rig.truth().mode, px4_sim::Mode::Orbit);
-}
-
-#[test]
 fn an_altitude_alone_leaves_a_circle_as_it_is() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);

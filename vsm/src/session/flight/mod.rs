@@ -181,7 +181,6 @@ impl Flight {
     /// A record exists and cannot be read.
     pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         self.altimeter = settings::stored_altimeter(effects)?;
-        self.loiter = settings::stored_loiter(effects)?;
         self.contingencies.restore(effects)?;
         self.loss_action.restore(effects)?;
         Ok(())
@@ -521,11 +520,6 @@ impl Flight {
             Ok(merged) => merged,
             Err(why) => return effects.refuse(Some(origin), why),
         };
-        if merged != self.loiter
-            && let Err(why) = settings::store_loiter(&merged, effects)
-        {
-            return effects.refuse(Some(origin), why);
-        }
         let changed = changes::loiter(&merged, &self.loiter).collect();
         // A setting is only stored: 17000 type 2 comes at once, and the next loiter (2016 mode 12) flies by it.
         self.loiter = merged;

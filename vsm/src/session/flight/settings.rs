@@ -5,12 +5,11 @@ use mapping::altitude::Altimeter;
 use mapping::limits::WIDEST_CIRCLE_M;
 use mavlink_link::store::{Store as _, StoreError};
 use serde::{Deserialize, Serialize};
+use stanag_msgs::Id;
 use stanag_msgs::enums::{LoiterDirection, LoiterType};
 use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
-use stanag_msgs::{Id, Message};
 
 use crate::session::effects::Effects;
-use crate::session::mission::record::{decode_messages, encode_message};
 use crate::session::store::{record_fault, vehicle_record};
 
 /// 2017 is a configuration message: an absent field keeps its last value. A loiter that PX4 cannot fly is refused at once
@@ -128,8 +127,7 @@ fn merge(old: &LoiterConfiguration, new: &LoiterConfiguration) -> LoiterConfigur
         .loiter_radius
         .filter(|radius| !hover || radius.si() > 0.0);
     LoiterConfiguration {
-        // The same once more is no change.
-        time_stamp: None,
+        time_stamp: new.time_stamp.or(old.time_stamp),
         loiter_type,
         loiter_radius: radius.or(old.loiter_radius),
         loiter_length: new.loiter_length.or(old.loiter_length),
@@ -140,46 +138,6 @@ fn merge(old: &LoiterConfiguration, new: &LoiterConfiguration) -> LoiterConfigur
         loiter_duration: new.loiter_duration.or(old.loiter_duration),
         loiter_duration_units: new.loiter_duration_units.or(old.loiter_duration_units),
         activity_id: new.activity_id.or(old.activity_id),
-    }
-}
-
-/// The loiter configuration (2017), a message as DLI bytes in hex.
-#[derive(Serialize, Deserialize)]
-struct LoiterRecord {
-    message: String,
-}
-
-vehicle_record!(LoiterRecord, "loiter", Answered);
-
-/// Stores a loiter configuration.
-///
-/// # Errors
-/// The reason, for the operator.
-pub(super) fn store_loiter(
-    loiter: &LoiterConfiguration,
-    effects: &mut Effects<'_>,
-) -> Result<(), String> {
-    let vehicle = effects.id;
-    let message = encode_message(&loiter.clone().into(), Id::NULL, vehicle)
-        .map_err(|fault| format!("the loiter configuration cannot be stored: {fault}"))?;
-    let stored = effects.disk().save(&vehicle, &LoiterRecord { message });
-    stored.map_err(|fault| format!("the loiter configuration cannot be stored: {fault}"))
-}
-
-/// Restores the loiter configuration after a restart.
-///
-/// # Errors
-/// Its record exists and cannot be read.
-pub(super) fn stored_loiter(effects: &mut Effects<'_>) -> Result<LoiterConfiguration, StoreError> {
-    let vehicle = effects.id;
-    let Some(LoiterRecord { message }) = effects.disk().load::<LoiterRecord>(&vehicle)? else {
-        return Ok(LoiterConfiguration::default());
-    };
-    let messages =
-        decode_messages([message]).map_err(|cause| record_fault("loiter", vehicle, cause))?;
-    match messages.into_iter().next() {
-        Some((_, Message::LoiterConfiguration(loiter))) => Ok(loiter),
-        _ => Err(record_fault("loiter", vehicle, "it is no 2017")),
     }
 }
 

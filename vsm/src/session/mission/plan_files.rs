@@ -124,7 +124,7 @@ impl PlanFiles {
         let name = log_name(vehicle);
         if self.continues() {
             let line = format!("{line}\n");
-            disk.append(&name, line.as_bytes(), Durability::Answered)?;
+            disk.append(&name, line.as_bytes(), Durability::Process)?;
             self.bytes += line.len();
             self.lines += 1;
         } else {

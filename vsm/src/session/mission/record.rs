@@ -220,7 +220,7 @@ pub(super) fn encode_messages(
 ///
 /// # Errors
 /// It cannot be encoded.
-pub(crate) fn encode_message(
+pub(super) fn encode_message(
     message: &Message,
     cucs: Id,
     vehicle: Id,
@@ -232,7 +232,7 @@ pub(crate) fn encode_message(
 }
 
 /// The messages of a record, each with the CUCS that sent it.
-pub(crate) fn decode_messages(
+pub(super) fn decode_messages(
     lines: impl IntoIterator<Item = impl AsRef<str>>,
 ) -> Result<Vec<(Id, Message)>, RecordError> {
     let mut messages = Vec::new();

@@ -213,33 +213,6 @@ fn a_command_that_waits_for_its_route_does_not_begin_after_a_later_one() {
     );
 }
 
-/// Else a restart would make the next mode 12 at a place a hover.
-#[test]
-fn a_loiter_configuration_is_stored_before_it_applies_and_refused_by_a_full_disk() {
-    let circle = |radius_m| LoiterConfiguration {
-        time_stamp: Some(TimeStamp(1)),
-        loiter_radius: Some(Scaled::saturating_from_si(radius_m)),
-        ..LoiterConfiguration::default()
-    };
-    let radius_m = |flight: &Flight| flight.view().loiter.loiter_radius.map(|radius| radius.si());
-    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
-    let answers = command(&mut world, &mut flight, circle(60.0));
-    assert_eq!(answers, [AckType::CarriedOut]);
-    let mut restarted = Flight::default();
-    let restored = world.act(|_, _, effects| restarted.restore(effects));
-    restored.expect("its record");
-    assert!(radius_m(&restarted).is_some_and(|radius_m| (radius_m - 60.0).abs() < 0.1));
-    assert_eq!(radius_m(&restarted), radius_m(&flight));
-
-    world.fill_disk();
-    let answers = command(&mut world, &mut flight, circle(90.0));
-    assert_eq!(answers, [AckType::Refused]);
-    assert_eq!(radius_m(&restarted), radius_m(&flight));
-    // The same once more is there already.
-    let answers = command(&mut world, &mut flight, circle(60.0));
-    assert_eq!(answers, [AckType::CarriedOut]);
-}
-
 #[test]
 fn an_altimeter_setting_is_stored_before_it_applies_and_refused_by_a_full_disk() {
     let set = || VehicleOperatingModeCommand {
