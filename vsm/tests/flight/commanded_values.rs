@@ -161,6 +161,26 @@ fn a_speed_on_a_circle_is_flown_before_it_is_acknowledged() {
 }
 
 #[test]
+fn a_loiter_that_was_configured_before_a_restart_of_the_bridge_is_not_flown_without_a_word() {
+    const NONE: &str = "hovers: no 2017 since the start of this VSM";
+    let mut rig = Rig::ready();
+    rig.take_off(20.0);
+    rig.done(LoiterConfiguration {
+        loiter_type: Some(LoiterType::Circular),
+        loiter_radius: Some(Scaled::saturating_from_si(20.0)),
+        ..LoiterConfiguration::default()
+    });
+    rig.done(there(40.0, 0.0));
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Orbit);
+    assert!(!rig.station().has_alert(NONE));
+    rig.restart_bridge();
+    rig.run(5.0);
+    rig.done(there(0.0, 0.0));
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Loiter);
+    assert!(rig.station().has_alert(NONE));
+}
+
+#[test]
 fn an_altitude_alone_leaves_a_circle_as_it_is() {
     let mut rig = Rig::ready();
     rig.take_off(20.0);

@@ -178,7 +178,7 @@ impl Steering {
         if let Some(demand) = demand.filter(|one| mode == WAYPOINT && one.waypoint) {
             name_waypoint(&demand.record, &mut command);
         }
-        // That of before a restart of the VSM is not known: radius and type are kept as a 2017, altitude and speed are not.
+        // That of before a restart of the VSM is not known.
         let unconfigured = self.loiter.is_none() && self.preference[0] == 0;
         let notice = (mode == LOITER && unconfigured && !self.has_loitered)
             .then(|| NO_LOITER_CONFIGURATION.to_owned());

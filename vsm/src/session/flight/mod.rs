@@ -93,6 +93,8 @@ pub(crate) struct Flight {
     /// The mode of the vehicle at that time.
     commanded_in: Option<Px4Mode>,
     loiter: LoiterConfiguration,
+    /// That none has been configured has been said.
+    unconfigured_named: bool,
     altimeter: Altimeter,
     sticks: Sticks,
     steering: Steering,
@@ -656,6 +658,8 @@ impl Flight {
         }
         let winged = situation.wings.is_some();
         let hovers_instead = mode_command::hovers_instead(command, &situation);
+        let unconfigured = mode_command::is_unconfigured(command, &situation);
+        let unconfigured = unconfigured.filter(|_| !self.unconfigured_named);
         let continues_instead = mode_command::continues_instead(command, &situation);
         let restarts = mode_command::restarts_route(command, &situation)
             && command.select_flight_path_control_mode == Some(Mode::Waypoint);
@@ -683,8 +687,9 @@ impl Flight {
             let names = ignored_fields::ignored_fields(command, mode, routed, winged, climbs);
             let place = format!(" in mode {}", mode.in_words());
             let text = ignored_fields::report(origin.message_type, &names, &place);
-            let hovers_instead = hovers_instead.map(str::to_owned);
-            for text in text.into_iter().chain(hovers_instead) {
+            self.unconfigured_named |= unconfigured.is_some();
+            let notices = [hovers_instead, unconfigured].into_iter().flatten();
+            for text in text.into_iter().chain(notices.map(str::to_owned)) {
                 effects.answer(&[origin.station], text);
             }
             if let Some(text) = continues_instead {

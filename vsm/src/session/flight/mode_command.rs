@@ -13,8 +13,8 @@ use stanag_msgs::enums::{
 };
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
-pub(crate) use self::loiter::hovers_instead;
 use self::loiter::{flown_over, loiter};
+pub(crate) use self::loiter::{hovers_instead, is_unconfigured};
 pub(crate) use self::route::{continues_instead, is_over, restarts_route};
 use self::route::{fly, is_current};
 use super::settings::Pattern;

@@ -11,7 +11,7 @@ use mapping::telemetry::Orbit;
 use stanag_msgs::enums::{
     AltitudeCommandType, FlightPathControlMode as Mode, LoiterDirection, SpeedType,
 };
-use stanag_msgs::messages::VehicleOperatingModeCommand;
+use stanag_msgs::messages::{LoiterConfiguration, VehicleOperatingModeCommand};
 
 use crate::session::flight::settings::{self, Pattern};
 use crate::session::flight::situation::{
@@ -109,6 +109,25 @@ pub(crate) fn hovers_instead(
     let here = matches!(place(command, at), Ok(None));
     (named && circle && here && at.wings.is_none())
         .then_some("2016: mode 12 (loiter) without a loiter position hovers here; the circle of 2017 needs a position")
+}
+
+/// What a station is sent where nothing has configured a loiter since this VSM was started: one of before a restart is not flown.
+pub(crate) fn is_unconfigured(
+    command: &VehicleOperatingModeCommand,
+    at: &Situation<'_>,
+) -> Option<&'static str> {
+    let named = command.select_flight_path_control_mode == Some(Mode::Loiter);
+    if !named || *at.loiter != LoiterConfiguration::default() {
+        return None;
+    }
+    if at.wings.is_some() {
+        return Some(
+            "2016: mode 12 (loiter) circles as the vehicle is set: no 2017 since the start of this VSM",
+        );
+    }
+    // Without a place it hovers in any case.
+    matches!(place(command, at), Ok(Some(_)))
+        .then_some("2016: mode 12 (loiter) hovers: no 2017 since the start of this VSM")
 }
 
 /// The circle of a multicopter that an altitude alone leaves as it is, whatever 2017 has configured since: DO_REPOSITION
