@@ -109,6 +109,11 @@ fn is_commanded_from_here(mode: Px4Mode) -> bool {
     .contains(&mode)
 }
 
+/// Whether a vehicle in this mode flies somewhere by itself: it neither holds, returns nor lands, and has no pilot.
+pub(crate) fn flies_on(mode: Px4Mode) -> bool {
+    is_commanded_from_here(mode) && mode != Px4Mode::LOITER
+}
+
 /// Whether PX4 flies a failsafe: HEARTBEAT says so, or the mode that its operator has chosen is another than it flies.
 fn in_failsafe(telemetry: &Telemetry) -> bool {
     let critical = matches!(

@@ -522,10 +522,12 @@ impl Flight {
             Ok(merged) => merged,
             Err(why) => return effects.refuse(Some(origin), why),
         };
+        if merged != self.loiter {
+            self.repeated.reopen();
+        }
         let changed = changes::loiter(&merged, &self.loiter).collect();
         // A setting is only stored: 17000 type 2 comes at once, and the next loiter (2016 mode 12) flies by it.
         self.loiter = merged;
-        self.repeated.reopen();
         effects.acknowledge(&origin, AckType::CarriedOut);
         effects.request(Request::Configured {
             changed,
@@ -617,6 +619,13 @@ impl Flight {
         if let Some(why) = undecided {
             return effects.refuse(origin, why);
         }
+        let repetition = if repetition == Repetition::OfDone && self.is_left(context) {
+            // Once: the next repeats the one that is carried out now.
+            self.repeated.reopen();
+            Repetition::OfMode
+        } else {
+            repetition
+        };
         let telemetry = &context.vehicle.telemetry;
         let altimeter = match settings::altimeter_of(command, self.altimeter) {
             Ok(altimeter) => altimeter,

@@ -8,6 +8,9 @@
 //! Nor is it a decision against whoever has the vehicle since: a pilot, a failsafe of PX4, another station, a contingency or a hold of
 //! this VSM. There the mode alone counts, since a stream of steering commands has other values each time: one of the same mode within
 //! that time is refused with the reason for as long as the vehicle is not back in the mode.
+//!
+//! An operator who sees the vehicle leave its hold, its return or its landing commands that again, more than once and at once. Where the
+//! vehicle flies on, and is not flown by hand, that is carried out each time: it takes nothing from anybody that is safer.
 
 use std::time::Duration;
 
@@ -19,7 +22,7 @@ use super::situation::names_mode;
 use super::{Context, Flight};
 use crate::session::context::{MissionView, Origin};
 use crate::session::maneuver::Maneuver;
-use crate::session::other::Other;
+use crate::session::other::{Other, flies_on};
 
 /// The last 2016 of a CUCS that names a mode.
 #[derive(Debug, Default)]
@@ -190,9 +193,10 @@ impl Flight {
         let mode = telemetry.mode?;
         // Also by a report of before the last command: nothing of the stream has led there.
         let other = self.shown_other(vehicle, now);
+        let stops = latest.stops(mode);
         let Some(reached) = latest.reached else {
             return other
-                .filter(|other| latest.is_met_by(*other))
+                .filter(|other| !stops && latest.is_met_by(*other))
                 .map(|other| other.to_string());
         };
         if latest.mode() == Some(Mode::Launch) && telemetry.stands() {
@@ -202,18 +206,12 @@ impl Flight {
         if telemetry.armed == Some(false) && !matches!(other, Some(Other::Pilot(_))) {
             return None;
         }
-        let (by, running) = match &self.maneuver {
-            Some((by, running)) => (*by, Some(running)),
-            None => (None, None),
-        };
-        let enters = running.is_some_and(Maneuver::enters_a_mode);
-        let of_station = by.is_some_and(|by| by.held.is_none());
-        // OFFBOARD, and the mission again, are the VSM's own way along the route.
-        let on_curve = self.curve_stream.is_flown() && reached == Px4Mode::MISSION;
-        if enters && !of_station && !on_curve {
+        let theirs = self.entered_by_others(reached);
+        // A held command may be to fly on.
+        if theirs.is_some_and(|theirs| !theirs.modes().any(|mode| latest.stops(mode))) {
             return Some("this VSM is commanding another mode".to_owned());
         }
-        if mode == reached || (on_curve && mode == Px4Mode::OFFBOARD) {
+        if self.is_in(reached, mode) {
             // A mode that is commanded again ends a failsafe that holds before it acts. PX4's warning in any other mode is no reason
             // to refuse what takes nothing from it.
             let keeps = |other: &Other| {
@@ -222,12 +220,17 @@ impl Flight {
             let other = self.other(vehicle, now).filter(keeps);
             return other.map(|other| other.to_string());
         }
+        if stops {
+            return None;
+        }
+        let running = self.maneuver.as_ref().map(|(_, running)| running);
+        let enters = running.is_some_and(Maneuver::enters_a_mode);
         let is_own = match other {
             Some(Other::Ending(mode)) => running.is_some_and(|running| running.enters(mode)),
             Some(_) => false,
             // A load puts the vehicle on hold.
             None => {
-                (enters && of_station)
+                (enters && !self.is_on_curve(reached))
                     || context.mission.is_transferring()
                     || (mode == Px4Mode::LOITER && ends_in_a_hold(reached, at_end))
             }
@@ -243,6 +246,38 @@ impl Flight {
                 mode.name()
             ),
         })
+    }
+
+    /// Whether the latest 2016 has stopped the vehicle, or had it return or land, and is a new command because the vehicle flies on since,
+    /// or is about to.
+    pub(super) fn is_left(&self, context: &Context<'_>) -> bool {
+        let latest = self.repeated.0.as_ref();
+        let Some((latest, reached)) = latest.and_then(|one| Some((one, one.reached?))) else {
+            return false;
+        };
+        let telemetry = &context.vehicle.telemetry;
+        let shown = telemetry.mode.filter(|_| telemetry.armed != Some(false));
+        let elsewhere = shown.filter(|mode| !self.is_in(reached, *mode));
+        let theirs = self.entered_by_others(reached);
+        let mut entered = theirs.into_iter().flat_map(Maneuver::modes);
+        elsewhere.is_some_and(|mode| latest.stops(mode)) || entered.any(|mode| latest.stops(mode))
+    }
+
+    /// What enters a mode without a command of a station at this moment: the VSM's own, or a held one.
+    fn entered_by_others(&self, reached: Px4Mode) -> Option<&Maneuver> {
+        let (by, running) = self.maneuver.as_ref()?;
+        let of_station = by.is_some_and(|by| by.held.is_none());
+        (running.enters_a_mode() && !of_station && !self.is_on_curve(reached)).then_some(running)
+    }
+
+    /// Whether a vehicle in this mode is in the one that was reached.
+    fn is_in(&self, reached: Px4Mode, mode: Px4Mode) -> bool {
+        mode == reached || (mode == Px4Mode::OFFBOARD && self.is_on_curve(reached))
+    }
+
+    /// OFFBOARD, and the mission again, are the VSM's own way along the route.
+    fn is_on_curve(&self, reached: Px4Mode) -> bool {
+        self.curve_stream.is_flown() && reached == Px4Mode::MISSION
     }
 
     /// Whether the vehicle still flies what the latest 2016 has led to, so that to carry it out again would only command the mode once
@@ -268,6 +303,18 @@ impl Flight {
 impl Latest {
     fn mode(&self) -> Option<Mode> {
         mode(&self.command)
+    }
+
+    /// Whether it stops a vehicle in this mode, or has it return or land, while it flies on: not by hand, nor to an end of its own.
+    fn stops(&self, mode: Px4Mode) -> bool {
+        const STOPS: [Mode; 5] = [
+            Mode::Loiter,
+            Mode::AutolandEngage,
+            Mode::AutolandWaveOff,
+            Mode::ContingencyA,
+            Mode::ContingencyB,
+        ];
+        self.mode().is_some_and(|mode| STOPS.contains(&mode)) && flies_on(mode)
     }
 
     /// Whether somebody has the vehicle who did not have it as the station began to command a mode that was not reached since.

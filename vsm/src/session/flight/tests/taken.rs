@@ -24,7 +24,6 @@ fn the_mode_is_not_entered_again_whoever_has_the_vehicle_before_a_pause_or_anoth
         (Px4Mode::LOITER, CRITICAL, false),
         // By switches of a remote control, or another station.
         (Px4Mode::RTL, ACTIVE, false),
-        (Px4Mode::MISSION, ACTIVE, false),
         (Px4Mode::LOITER, ACTIVE, true),
     ] {
         for paused in [true, false] {
@@ -73,10 +72,83 @@ fn a_repetition_in_the_mode_is_answered_and_commands_nothing() {
         loiter_type: Some(LoiterType::Hover),
         ..LoiterConfiguration::default()
     };
-    let answers = command(&mut world, &mut flight, hover);
+    let answers = command(&mut world, &mut flight, hover.clone());
     assert_eq!(answers, [AckType::CarriedOut]);
     command(&mut world, &mut flight, select(Mode::Loiter));
     assert_eq!(world.commanded_modes(), [Px4Mode::LOITER]);
+    world.show_mode(Px4Mode::LOITER);
+    let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+    assert_eq!(answers, [AckType::CarriedOut]);
+    // A station that repeats the mode repeats its configuration too.
+    let answers = command(&mut world, &mut flight, hover);
+    assert_eq!(answers, [AckType::CarriedOut]);
+    let answers = command(&mut world, &mut flight, select(Mode::Loiter));
+    assert_eq!(answers, [AckType::Received, AckType::CarriedOut]);
+    assert_eq!(world.commanded_modes(), []);
+}
+
+/// An operator who sees the vehicle leave it presses at once, and more than once.
+#[test]
+fn a_hold_a_return_and_a_landing_are_carried_out_again_where_the_vehicle_flies_on() {
+    use MavState::{MAV_STATE_ACTIVE as ACTIVE, MAV_STATE_CRITICAL as CRITICAL};
+    for (commanded, mode) in [
+        (Mode::Loiter, Px4Mode::LOITER),
+        (Mode::ContingencyA, Px4Mode::RTL),
+        (Mode::ContingencyB, Px4Mode::LAND),
+        (Mode::AutolandEngage, Px4Mode::LAND),
+    ] {
+        // By switches of a remote control, or another station.
+        for (left_for, status) in [
+            (Px4Mode::MISSION, ACTIVE),
+            (Px4Mode::OFFBOARD, ACTIVE),
+            (Px4Mode::MISSION, CRITICAL),
+        ] {
+            let (mut world, mut flight) = (World::airborne(Px4Mode::MISSION), Flight::default());
+            enters(&mut world, &mut flight, commanded, mode);
+            world.vehicle.telemetry.system_status = Some(status);
+            for _ in 0..3 {
+                world.advance(SECOND);
+                world.show_mode(left_for);
+                for sent in [&[mode][..], &[]] {
+                    let answers = command(&mut world, &mut flight, select(commanded));
+                    assert_eq!(answers, [AckType::Received], "{commanded} {status:?}");
+                    assert_eq!(world.commanded_modes(), sent, "{commanded} {status:?}");
+                }
+                world.show_mode(mode);
+                let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+                assert_eq!(answers, [AckType::CarriedOut; 2], "{commanded} {status:?}");
+            }
+        }
+    }
+}
+
+/// Its time has come just after the hold.
+#[test]
+fn a_hold_that_is_commanded_again_ends_a_held_command_to_fly_on() {
+    let (mut world, mut flight) = held();
+    let order = turn_to(0.0);
+    let message = Message::from(order.clone());
+    let later = context::HeldOrigin {
+        serial: 1,
+        contingency: false,
+    };
+    let origin = Origin {
+        held: Some(later),
+        ..origin(&message)
+    };
+    let input = Input::Fly {
+        origin: Some(origin),
+        command: &order,
+        just_loaded: false,
+    };
+    handle(&mut world, &mut flight, input);
+    handle(&mut world, &mut flight, Input::Advance);
+    assert_eq!(world.commanded_modes(), [Px4Mode::OFFBOARD]);
+    for sent in [&[Px4Mode::LOITER][..], &[]] {
+        let answers = command(&mut world, &mut flight, select(Mode::Loiter));
+        assert!(!answers.contains(&AckType::Refused), "{answers:?}");
+        assert_eq!(world.commanded_modes(), sent);
+    }
 }
 
 #[test]
