@@ -812,7 +812,7 @@ impl Flight {
         let health = context.vehicle.telemetry.sensed.health;
         if let Some(why) = parameters.prefers_other_sticks()
             && health.is_some_and(Health::has_sticks)
-            && !self.sticks.were_shown(now)
+            && !self.sticks.were_shown(now, lost_within(parameters))
         {
             let why = format!(
                 "mode 2 (manual): the vehicle has sticks of a remote control or another station, and would ignore these (2010): its {why}; \

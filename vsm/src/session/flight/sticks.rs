@@ -154,9 +154,9 @@ impl Sticks {
         }
     }
 
-    /// Whether those that the vehicle reports to have may be these.
-    pub(super) fn were_shown(&self, now: Duration) -> bool {
-        !self.sent.is_zero() && now.saturating_sub(self.sent) < SHOWN_WITHIN
+    /// Whether those that the vehicle reports to have may be these. It has them until it takes them for lost.
+    pub(super) fn were_shown(&self, now: Duration, lost_within: Duration) -> bool {
+        !self.sent.is_zero() && now.saturating_sub(self.sent) < lost_within + SHOWN_WITHIN
     }
 
     /// `slow`: on a serial line, of which 66 a second would be most, packed and encrypted.

@@ -472,6 +472,18 @@ fn manual_flight_is_refused_where_the_vehicle_has_other_sticks_that_go_first() {
     world.vehicle.telemetry.sensed.health = health(REMOTE_CONTROL);
     let answers = command(&mut world, &mut flight, select(Mode::FlightDirector));
     assert!(!answers.contains(&AckType::Refused), "{answers:?}");
+    // PX4 counts them as there until it takes them for lost.
+    for (lost_s, refused) in [(10.0, false), (0.5, true)] {
+        let (mut world, mut flight) = by_hand();
+        world.parameters.set("COM_RC_IN_MODE", 2.0);
+        world.parameters.set("COM_RC_LOSS_T", lost_s);
+        world.vehicle.telemetry.sensed.health = health(REMOTE_CONTROL);
+        world.advance(Duration::from_secs(9));
+        world.show_mode(Px4Mode::LOITER);
+        command(&mut world, &mut flight, sticks());
+        let answers = command(&mut world, &mut flight, select(Mode::FlightDirector));
+        assert_eq!(answers.contains(&AckType::Refused), refused, "{lost_s} s");
+    }
     // Or of a VSM that was killed: the vehicle is still in the mode.
     let mut restarted = Flight::default();
     handle(&mut world, &mut restarted, Input::Advance);
