@@ -136,7 +136,7 @@ fn a_plan_and_a_command_are_on_disk_before_they_are_answered() {
         // The first message of a plan begins its log, the others are appended.
         let stored = match number {
             0 => "disk save plan-1b000101.log Answered",
-            _ => "disk append plan-1b000101.log Process",
+            _ => "disk append plan-1b000101.log Answered",
         };
         assert_trace(
             &trace,
@@ -164,7 +164,7 @@ fn a_plan_and_a_command_are_on_disk_before_they_are_answered() {
         &[
             "disk append commands-1b0000a0.log Process",
             // That the upload has ended here.
-            "disk append plan-1b000101.log Process",
+            "disk append plan-1b000101.log Answered",
             "A 17000 13000 Received",
             "A 14000 InProgress",
             "A 14000 InProgress",
@@ -218,7 +218,7 @@ fn a_plan_that_cannot_be_stored_is_refused_and_unknown() {
         &waypoint,
         &[
             "disk append commands-1b0000a0.log Process",
-            "disk append plan-1b000101.log Process FAILS",
+            "disk append plan-1b000101.log Answered FAILS",
             "disk append commands-1b0000a0.log Process",
             "A 17000 13002 Refused",
             "A 16000 Caution VsmStatus 6 new",
