@@ -16,8 +16,8 @@
 //! record (or were cleared), and it is ignored. A last line without its line feed is ignored: that message was never
 //! answered.
 //!
-//! A message is appended at once, so that its answer waits for no change of others. A fold creates, renames and deletes files,
-//! beside the bridge: on a slow disk a thousand answers of messages that come meanwhile may wait for one.
+//! Nobody waits for these writes but the answers to the messages. A fold creates, renames and deletes files: on a slow disk a
+//! thousand answers and more may wait for one.
 
 use data_encoding::HEXLOWER;
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, StoreError};
