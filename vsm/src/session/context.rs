@@ -138,7 +138,7 @@ pub(crate) struct MissionView<'a> {
     pub(crate) areas: &'a Areas,
     /// The fence: the areas of the configuration and those loaded by 50017.
     pub(crate) fence: (&'a [Area], &'a Areas),
-    /// Why the vehicle does not hold it, where it could not be uploaded, or its first upload waits for the disk.
+    /// Why the vehicle does not hold it, where it could not be uploaded.
     pub(crate) unfenced: Option<&'a str>,
     /// The vehicle finds the mission aboard infeasible within it, and flies no part of it.
     pub(crate) infeasible: bool,

@@ -161,9 +161,7 @@ impl Fence {
     /// Why the vehicle does not hold the areas that it should, since the last attempt; also while they are sent once more. `None` while
     /// they are compared or sent for the first time.
     pub(super) fn failed(&self) -> Option<&str> {
-        // The vehicle answers within a time, or has failed; a disk that hangs does neither.
-        let waits = self.awaits_disk().then_some(NOT_STORED_YET);
-        self.fault.as_deref().or(waits).filter(|_| self.is_due())
+        self.fault.as_deref().filter(|_| self.is_due())
     }
 
     /// Whether the vehicle is not known to hold areas that it should.
@@ -803,4 +801,3 @@ const READ_WITHIN: Duration = Duration::from_millis(150);
 /// Then it checks its mission.
 const JUDGED_WITHIN: Duration = Duration::from_secs(1);
 const NOT_STORED: &str = "what the vehicle holds cannot be stored";
-const NOT_STORED_YET: &str = "its upload waits for the disk of the VSM";

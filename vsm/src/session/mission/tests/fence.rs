@@ -375,25 +375,6 @@ fn an_upload_is_reported_as_running_once_it_has_begun() {
     }
 }
 
-/// No time bounds that wait, and in the air the vehicle would be bounded by nothing.
-#[test]
-fn a_vehicle_whose_first_fence_waits_for_the_disk_is_not_launched() {
-    let (mut world, mut mission) = (World::new(), Mission::new(vec![circle()], Vec::new()));
-    let unfenced = |world: &World, mission: &Mission| {
-        let view = mission.view(&world.vehicle, &world.services);
-        view.unfenced.map(str::to_owned)
-    };
-    world.disk = queue(0);
-    assert_eq!(looked(&mut world, &mut mission), None);
-    let why = unfenced(&world, &mission).expect("a reason");
-    assert!(why.contains("the disk of the VSM"), "{why}");
-    world.disk = queue(100);
-    handle(&mut world, &mut mission, Input::WatchFence);
-    let begun = world.services.missions.busy();
-    assert_eq!(begun, Some(Operation::Upload));
-    assert_eq!(unfenced(&world, &mission), None);
-}
-
 /// A restart in between would take them for the vehicle's own.
 #[test]
 fn nothing_is_sent_before_it_is_stored_that_the_vehicle_may_hold_it() {
