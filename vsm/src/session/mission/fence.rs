@@ -354,7 +354,13 @@ impl Fence {
             .and_then(|()| self.store_wanted(effects));
         work.stored = self.stored;
         match begun.and_then(|()| self.send(now, &mut work, effects)) {
-            Ok(()) => self.work = Some(work),
+            Ok(()) => {
+                if let Some((origin, mode)) = requester {
+                    let running = MissionTransferStatus::InProgress;
+                    report(effects, origin.station, mode, running, None);
+                }
+                self.work = Some(work);
+            }
             Err(why) => self.not_sent(context, work, why, effects),
         }
     }
@@ -368,11 +374,6 @@ impl Fence {
     ) -> Result<(), String> {
         let items = items(&work.points);
         work.upload = (self.kept).send((now, work.stored), &items, effects)?;
-        // Not before: it would wait for the disk, and where that fails come behind the report of the end.
-        if let Some((origin, mode)) = work.requester.filter(|_| work.upload.is_some()) {
-            let running = MissionTransferStatus::InProgress;
-            report(effects, origin.station, mode, running, None);
-        }
         Ok(())
     }
 

@@ -1,11 +1,9 @@
 //! Areas of the configuration and of a CUCS, and the routes that wait for them.
 
-use mavlink_link::store::{FileChange, Progress};
 use stanag_msgs::enums::{AreaPlanMode, AreaType};
 use stanag_msgs::messages::{AreaTransferCommand, AreaVertex};
 
 use super::*;
-use crate::session::outbox::Waiting;
 
 #[test]
 fn the_fence_of_the_configuration_is_uploaded_and_watched_without_a_command() {
@@ -334,50 +332,17 @@ fn request_areas(world: &mut World, mission: &mut Mission) {
     command(world, mission, load);
 }
 
-/// The 50018s that were sent since the last look.
-fn statuses(world: &mut World) -> Vec<Status> {
-    let status = |message: Message| match message {
-        Message::AreaTransferStatus(report) => report.status,
-        _ => None,
-    };
-    world.sent_to(0).into_iter().filter_map(status).collect()
-}
-
-/// What waits for a disk that fails is sent last of all.
-#[test]
-fn an_upload_is_reported_as_running_once_it_has_begun() {
-    for fails in [false, true] {
-        let (mut world, mut mission) = (World::new(), Mission::new(Vec::new(), Vec::new()));
-        world.disk = queue(0);
-        request_areas(&mut world, &mut mission);
-        assert!(statuses(&mut world).is_empty());
-        let waiting = (1..=world.disk.queued())
-            .map(|change| (change, "areas".to_owned(), FileChange::Removed));
-        world.disk = match fails {
-            false => queue(100),
-            true => Box::new(MemoryDisk {
-                queues: true,
-                waiting: waiting.collect(),
-                stuck: Some("areas"),
-                full: Some("areas"),
-                ..MemoryDisk::default()
-            }),
-        };
-        handle(&mut world, &mut mission, Input::WatchFence);
-        let expected = match fails {
-            false => Status::InProgress,
-            true => Status::Aborted,
-        };
-        assert_eq!(statuses(&mut world), [expected]);
-        let held = world.outbox.release(|_| Progress::Durable);
-        let acknowledges = |one: &Waiting| matches!(one, Waiting::Acknowledgement(..));
-        assert!(held.iter().all(acknowledges), "{held:?}");
-    }
-}
-
 /// A restart in between would take them for the vehicle's own.
 #[test]
 fn nothing_is_sent_before_it_is_stored_that_the_vehicle_may_hold_it() {
+    let disk = |durable| {
+        Box::new(MemoryDisk {
+            queues: true,
+            queued: durable,
+            durable,
+            ..MemoryDisk::default()
+        })
+    };
     let point = RallyPoint {
         place: (47.0, 8.0),
         height: mapping::rally::Height::AboveHome(2.0),
@@ -385,7 +350,7 @@ fn nothing_is_sent_before_it_is_stored_that_the_vehicle_may_hold_it() {
     for points in [vec![], vec![point]] {
         let of_cucs = points.is_empty();
         let (mut world, mut mission) = (World::new(), Mission::new(Vec::new(), points));
-        world.disk = queue(0);
+        world.disk = disk(0);
         if of_cucs {
             request_areas(&mut world, &mut mission);
         } else {
@@ -400,7 +365,7 @@ fn nothing_is_sent_before_it_is_stored_that_the_vehicle_may_hold_it() {
         world.advance(SECOND);
         handle(&mut world, &mut mission, Input::WatchFence);
         assert_eq!(world.services.missions.busy(), None);
-        world.disk = queue(100);
+        world.disk = disk(100);
         handle(&mut world, &mut mission, Input::WatchFence);
         assert!(!mission.awaits_disk());
         let begun = world.services.missions.busy();

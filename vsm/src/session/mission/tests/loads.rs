@@ -48,17 +48,6 @@ fn a_route_is_loaded_once_the_vehicle_names_it_and_a_restart_finds_it() {
     assert_eq!(notes(found.uploaded()), notes(mission.uploaded()));
 }
 
-/// What waits for a disk that fails is sent last of all, behind the report of the end.
-#[test]
-fn that_a_load_runs_is_reported_without_waiting_for_the_disk() {
-    let (mut world, mut mission) = ready();
-    world.disk = queue(0);
-    command(&mut world, &mut mission, transfer(Mode::Load));
-    assert_eq!(world.disk.queued(), 1, "that the upload has ended");
-    assert_eq!(reports(&mut world).0, [(Status::InProgress, 0); 2]);
-    assert_eq!(world.outbox.waiting(), 0);
-}
-
 #[test]
 fn a_load_that_changes_a_contingency_route_by_its_waypoint_numbers_is_named() {
     let (mut world, mut mission) = ready();

@@ -145,16 +145,6 @@ fn looked(world: &mut World, mission: &mut Mission) -> Option<Operation> {
     world.services.missions.busy()
 }
 
-/// A disk that has made so many changes durable.
-fn queue(durable: u64) -> Box<MemoryDisk> {
-    Box::new(MemoryDisk {
-        queues: true,
-        queued: durable,
-        durable,
-        ..MemoryDisk::default()
-    })
-}
-
 /// The bridge is killed and starts again, with neither areas nor rally points in its configuration.
 fn restarted(world: &mut World) -> Mission {
     world.services.missions.cancel();

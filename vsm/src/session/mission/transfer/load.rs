@@ -69,8 +69,6 @@ impl Transfers {
         let changes = store.upload_of(cucs).1;
         let changes =
             changes.is_some_and(|sent| sent.routes().is_empty() && sent.numbers().next().is_some());
-        // Behind the write it would wait for the disk, and where that fails come behind the report of the end.
-        status::report(effects, origin.station, &name, 0);
         if let Err(why) = store.begin_load(command, cucs, effects) {
             return status::reject(effects, origin, &name, Mode::Load, None, why);
         }
@@ -89,6 +87,7 @@ impl Transfers {
                 "the waypoints came without a 13001: they change the routes received before, and make no route of their own",
             );
         }
+        status::report(effects, origin.station, &name, 0);
         let upload = RouteUpload::new(context.mono(), &route, route_type, false);
         self.load = Some(Load {
             origin: Some(origin),
