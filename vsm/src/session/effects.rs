@@ -357,7 +357,7 @@ impl<'a> DliEffects<'a> {
         }
         let behind = || {
             let before = self.outbox.held_for(origin.station)?;
-            self.outbox.keeps_order(origin).then_some(before)
+            self.outbox.keeps_order(origin.station).then_some(before)
         };
         match self.waits_for().or_else(behind) {
             None => self.send_acknowledgement(source, origin, answer),

@@ -323,11 +323,9 @@ impl Outbox {
         fits
     }
 
-    /// Whether an acknowledgement that waits for no change itself keeps its place behind those that do: a flood of refusals does not,
-    /// but the end of a message whose "received" is held does: that would be its last answer, for its repetitions too.
-    pub(crate) fn keeps_order(&self, to: &Origin) -> bool {
-        self.held_of(Some(to.station), true) < MAX_HELD
-            || self.holds(to, |answer| answer == AckType::Received)
+    /// Whether an acknowledgement that waits for no change itself keeps its place behind those that do: a flood of refusals does not.
+    pub(crate) fn keeps_order(&self, station: usize) -> bool {
+        self.held_of(Some(station), true) < MAX_HELD
     }
 
     /// Whether one more message of a station may be stored, whose acknowledgement waits for that; what is not refused for it, such as
@@ -346,15 +344,8 @@ impl Outbox {
 
     /// Whether the acknowledgement of this message is held.
     pub(crate) fn holds_answer(&self, to: &Origin) -> bool {
-        self.holds(to, |_| true)
-    }
-
-    fn holds(&self, to: &Origin, is_such: impl Fn(AckType) -> bool) -> bool {
         let of = |origin: &Origin| (origin.station, origin.message_type, origin.stamp);
-        let is_it = |held: &Held| match &held.what {
-            Waiting::Acknowledgement(_, origin, answer) => of(origin) == of(to) && is_such(*answer),
-            Waiting::Datagram(_) => false,
-        };
+        let is_it = |held: &Held| matches!(&held.what, Waiting::Acknowledgement(_, origin, _) if of(origin) == of(to));
         self.held.iter().any(is_it)
     }
 
@@ -703,25 +694,6 @@ mod tests {
         let acknowledged = released.iter().filter(acknowledges).count();
         assert_eq!(acknowledged, MAX_HELD_ACKNOWLEDGEMENTS + MAX_HELD + 1);
         assert_eq!(released.len() - acknowledged, MAX_HELD);
-    }
-
-    #[test]
-    fn the_end_of_a_message_keeps_its_place_behind_that_it_was_received() {
-        let mut outbox = Outbox::default();
-        let until = (Changes { after: 0, until: 1 }, false);
-        let heartbeat = Message::from(stanag_msgs::messages::Heartbeat::default());
-        let origin = crate::session::testing::origin(&heartbeat);
-        let later = Origin {
-            stamp: Some(TimeStamp(2)),
-            ..origin
-        };
-        let received = Waiting::Acknowledgement(Id(1), origin, AckType::Received);
-        assert!(outbox.hold(until, Some(0), received));
-        while outbox.keeps_order(&later) {
-            let ended = Waiting::Acknowledgement(Id(1), later, AckType::CarriedOut);
-            assert!(outbox.hold(until, Some(0), ended));
-        }
-        assert!(outbox.keeps_order(&origin));
     }
 
     #[test]
