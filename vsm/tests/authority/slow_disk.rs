@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use kit::bridge::parties::bridge_dli;
 use kit::bridge::{Setup, Ticket, orders, vehicle_id};
-use stanag_msgs::enums::{AckType, LoiBitmap, MissionPlanMode, RequestedAccess};
+use stanag_msgs::enums::{AckType, LoiBitmap, RequestedAccess};
 use stanag_msgs::messages::{CucsAuthorisationRequest, LoiterConfiguration};
 use stanag_msgs::{Envelope, MAX_DATAGRAM, Message, Scaled, TimeStamp};
 use vsm::session::{Chain, Stations, Status};
@@ -299,20 +299,6 @@ fn a_plan_whose_answers_find_no_room_to_wait_is_refused_with_the_reason() {
         status(&scene).refused.get("no room to wait for the disk"),
         0
     );
-}
-
-/// It is not refused for want of room, and its answer waits for the disk too.
-#[test]
-fn a_cancellation_behind_a_plan_that_has_taken_all_room_is_answered() {
-    let mut scene = slow(Duration::from_secs(4));
-    plan(&mut scene, 2_400);
-    let cancel = orders::transfer(MissionPlanMode::Cancel);
-    let cancel = scene.rig.send_as(A, 0, cancel);
-    scene.rig.run(0.1);
-    let station = &scene.rig.stations[A];
-    assert_eq!(station.answers(cancel), [AckType::Received]);
-    scene.rig.run(15.0);
-    assert_eq!(scene.rig.stations[A].end(cancel), Some(AckType::CarriedOut));
 }
 
 #[test]
