@@ -339,13 +339,6 @@ impl Outbox {
         self.held.iter().filter(is_such).count()
     }
 
-    /// Whether the acknowledgement of this message is held.
-    pub(crate) fn holds_answer(&self, to: &Origin) -> bool {
-        let of = |origin: &Origin| (origin.station, origin.message_type, origin.stamp);
-        let is_it = |held: &Held| matches!(&held.what, Waiting::Acknowledgement(_, origin, _) if of(origin) == of(to));
-        self.held.iter().any(is_it)
-    }
-
     /// What was held for a station until the change before these waits for these too.
     pub(crate) fn hold_longer(&mut self, station: usize, changes: Changes) {
         let before = |one: &&mut Held| {

@@ -267,11 +267,6 @@ impl Bridge {
                 self.answer_again(now, &origin, frame, &message, answer, disk);
                 return false;
             }
-            // So many have come since that it is not remembered any more, and its answer still waits for the disk.
-            Verdict::Refused(..) if self.outbox.holds_answer(&origin) => {
-                self.counters.count("duplicate");
-                return false;
-            }
             Verdict::Refused(counter, why) => {
                 self.counters.count(counter);
                 self.refuse_command(now, &origin, header.destination, why, disk);
