@@ -3,7 +3,7 @@
 //! Files whose names are the same up to the first dot are a family: `plan-1b000101.json` and `plan-1b000101.log`, or a log and
 //! those put aside (`audit-1b000101.log`, `audit-1b000101.log.1`). The steps of a family are done in their order, and one that
 //! fails holds up those behind it: the log of a plan names the record that it continues, and a rename moves what was added
-//! before. No family waits for another, but that records wait for lines of logs that are about them (`writer`).
+//! before. No family waits for another, but that records wait for lines of logs (`writer`).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -142,12 +142,10 @@ impl Family {
         self.power |= newer.power;
     }
 
-    /// Whether these are lines of a log, before which no record is written: of all logs but those that continue a record of their
-    /// own.
+    /// Whether these are lines of a log, before which no record is written.
     pub(super) fn is_log(&self) -> bool {
         let is_record = |one: &Step| matches!(one, Step::Replace { .. });
-        let own = OF_THEMSELVES.iter().any(|name| self.file.starts_with(name));
-        !own && self.steps.iter().any(Step::adds) && !self.steps.iter().any(is_record)
+        self.steps.iter().any(Step::adds) && !self.steps.iter().any(is_record)
     }
 
     /// It has failed: after a failed synchronisation the system may count its cached pages as written, so all is written again.
@@ -165,9 +163,6 @@ impl Family {
 pub(super) fn beside(folder: &Path, name: &str) -> PathBuf {
     folder.join(format!("{name}{BESIDE}1"))
 }
-
-/// Prefixes of the names of logs whose lines are about no other record: the messages of a plan, and what belongs to its waypoints.
-const OF_THEMSELVES: [&str; 2] = ["plan-", "contingencies-"];
 
 /// Separates the name of a file that is being written from a number.
 pub(super) const BESIDE: &str = ".new-";

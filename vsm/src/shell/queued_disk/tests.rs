@@ -629,33 +629,6 @@ fn a_log_that_a_full_disk_does_not_take_holds_back_nothing_that_a_link_lives_by(
 }
 
 #[test]
-fn a_plan_whose_log_cannot_be_written_holds_back_no_record_of_anything_else() {
-    let (folder, system) = (tempfile::tempdir().unwrap(), Full::default());
-    let store = folder.path().join("state");
-    let disk = FileDisk::open_on(&store, Box::new(system.clone())).expect("a store");
-    let mut disk = QueuedDisk::new(disk, Arc::new(Notify::new())).expect("a thread");
-    std::fs::create_dir(store.join("plan-1.log")).unwrap();
-    // All of it gathers behind this one, and is written together.
-    let turn = system.1.lock().unwrap();
-    save("plan-2.json")(&mut disk);
-    let after = disk.queued();
-    disk.append("plan-1.log", b"1\n", Durability::Answered)
-        .unwrap();
-    let line = Changes {
-        after,
-        until: disk.queued(),
-    };
-    save("authority-1.json")(&mut disk);
-    let record = Changes {
-        after: line.until,
-        until: disk.queued(),
-    };
-    drop(turn);
-    assert_eq!(wait(&mut disk, line), Progress::Failing);
-    assert_eq!(wait(&mut disk, record), Progress::Durable);
-}
-
-#[test]
 fn a_full_disk_refuses_every_change_but_those_that_no_link_works_without() {
     const CLOCK: &str = "clock-0102030405060708";
     const LINK: &str = "encrypted-1b000101";

@@ -1,7 +1,7 @@
 //! The thread of a queued disk: it writes, synchronises, renames, and synchronises the folder.
 //!
-//! Of all that it is given at once, logs come first, but those of plans: a crash in between leaves a line too many, never a change
-//! without its line. Then the contents of all records, and only then their names, so that the folder is synchronised once for all of them.
+//! Of all that it is given at once, logs come first: a crash in between leaves a line too many, never a change without its
+//! line. Then the contents of all records, and only then their names, so that the folder is synchronised once for all of them.
 //!
 //! It never synchronises the same bytes in memory again: see the head of `queued_disk`.
 
