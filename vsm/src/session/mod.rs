@@ -135,7 +135,6 @@ pub use bridge::{
     link_config,
 };
 pub use counters::{ByType, Counters};
-pub(crate) use duplicates::log_file as command_log;
 pub use files::{FileEvent, FileRefusal};
 pub use findings::vehicle::EncryptedArrivals;
 pub use forward::ForwardStatus;

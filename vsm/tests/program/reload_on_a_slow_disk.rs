@@ -90,7 +90,6 @@ fn a_reload_that_adds_ten_vehicles_delays_no_heartbeat_of_another() {
     text += "[[cucs]]\nid = \"1b:00:00:a1\"\nloi = [2]\n";
     fs::write(&path, &text).expect("written");
     let began = Instant::now();
-    let commands = store.join("commands-1b0000a1.log");
     let reload = thread::spawn(move || {
         (
             ask(&store, RELOAD, Duration::from_secs(60)),
@@ -119,7 +118,6 @@ fn a_reload_that_adds_ten_vehicles_delays_no_heartbeat_of_another() {
     assert!(took > NAMES, "the name server was asked: {took:?}");
     let read = waited.lock().expect("no panic").clone();
     assert!(read.is_empty(), "read on the bridge's thread: {read:?}");
-    assert!(commands.exists(), "its first command would create it");
     // 1 ms on a machine with nothing else to do.
     assert!(late < Duration::from_millis(400), "{late:?}");
     drop(stop);

@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, mpsc};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use kit::bridge::{VSM, cucs, key, orders, vehicle_id};
+use kit::bridge::{VSM, cucs, key, vehicle_id};
 use kit::clock::wall;
 use kit::process::{free_udp_port, write_key};
 use mavlink_link::dialect::{HEARTBEAT_DATA, MavMessage};
@@ -28,13 +28,11 @@ use mavlink_link::frame::{
 };
 use mavlink_link::signing::{Stamp, sign};
 use px4_sim::{Autopilot, Signing};
-use stanag_msgs::enums::{
-    AckType, AreaType, ConfigRequestType, LoiBitmap, RequestedAccess, WaitTransition,
-};
+use stanag_msgs::enums::{AckType, ConfigRequestType, LoiBitmap, RequestedAccess, WaitTransition};
 use stanag_msgs::messages::{
     AreaVertex, CucsAuthorisationRequest, FieldConfigurationRequest, LoiterConfiguration,
 };
-use stanag_msgs::{Bam32, Envelope, Id, MAX_DATAGRAM, Message, Scaled, TimeStamp, frames};
+use stanag_msgs::{Envelope, Id, MAX_DATAGRAM, Message, Scaled, TimeStamp, frames};
 use vsm::config::Config;
 use vsm::config::airside::AirsideConfig;
 use vsm::key_exchange::{ExchangeRecord, identity};
@@ -301,8 +299,6 @@ struct World {
     heartbeats: Vec<Instant>,
     /// What A has sent and was not answered yet, by stamp.
     open: Vec<(TimeStamp, Instant)>,
-    /// The last of these stamps, ms.
-    stamp_ms: u64,
     /// How long A's answers took.
     took: Vec<Duration>,
     /// What went out in the names of others, and what came back for it.
@@ -380,7 +376,6 @@ impl World {
             flown: Duration::ZERO,
             heartbeats: Vec::new(),
             open: Vec::new(),
-            stamp_ms: 0,
             took: Vec::new(),
             forged_bytes: 0,
             reflected_bytes: 0,
@@ -401,18 +396,11 @@ impl World {
 
     /// Sends a message of a station, with an acknowledgement requested; a command of A is waited for.
     fn send(&mut self, station: usize, mut message: Message) {
-        let mut stamp_ms = wall().as_millis() as u64;
-        if station == 0 {
-            // Its answers are told apart by their stamps.
-            stamp_ms = stamp_ms.max(self.stamp_ms + 1);
-            self.stamp_ms = stamp_ms;
-        }
-        let stamp = TimeStamp::from_unix_ms(stamp_ms);
+        let stamp = TimeStamp::from_unix_ms(wall().as_millis() as u64);
         match &mut message {
             Message::CucsAuthorisationRequest(message) => message.time_stamp = Some(stamp),
             Message::LoiterConfiguration(message) => message.time_stamp = Some(stamp),
             Message::AreaVertex(message) => message.time_stamp = Some(stamp),
-            Message::UaPositionWaypoint(message) => message.time_stamp = Some(stamp),
             _ => {}
         }
         let envelope = Envelope::new(cucs(station), vehicle_id(0)).requesting_ack();
@@ -640,28 +628,6 @@ fn vertices(world: &mut World, number: u64) {
     world.send(1, message.into());
 }
 
-/// Waypoints of A, and now and then an area.
-fn plan(world: &mut World, number: u64) {
-    let area = AreaVertex {
-        area_id: Some(1),
-        area_type: Some(AreaType::KeepInCircle),
-        vertex_count: Some(1),
-        vertex_number: Some(1),
-        latitude: Some(Bam32::from_degrees(47.4)),
-        longitude: Some(Bam32::from_degrees(8.5)),
-        radius: Some(500.0),
-        ..AreaVertex::default()
-    };
-    let message = match number % 200 {
-        100 => area.into(),
-        _ => {
-            let number = number as u16 + 1;
-            orders::waypoint(number, number + 1, f64::from(number), 0.0, 20.0).into()
-        }
-    };
-    world.send(0, message);
-}
-
 /// 40000, the shortest request with the longest answer: in A's name and in B's own, from an address that has proved
 /// nothing.
 fn forged_40000(world: &mut World, number: u64) {
@@ -790,34 +756,6 @@ fn a_station_that_keeps_a_slow_disk_busy_delays_neither_the_vehicle_nor_the_cont
     let status = world.end();
     assert!(status.refused.get("too many changes of rights") > 0);
     assert!(status.refused.get("over the station's rate") > 0);
-}
-
-/// The log of the plan is begun, and folded into its record more than once: files are created, renamed and deleted.
-#[test]
-fn a_plan_on_a_slow_disk_delays_no_heartbeat_and_is_answered() {
-    let mut world = World::start(SYNC);
-    let slow = SYNC.as_millis() as u64;
-    world.changes.slow.store(slow, Ordering::Relaxed);
-    world.run(8.0, 500, plan);
-    // What still waits for the disk is answered.
-    world.run(4.0, 0, |_, _| ());
-    let figures = world.take_figures("a plan, 500/s");
-    let waited = world.changes.waited.lock().expect("no panic").clone();
-    assert!(waited.is_empty(), "on the bridge's thread: {waited:?}");
-    let (answered, missing) = (figures.took.len(), figures.missing);
-    assert!(answered >= 2_000, "{answered} answered");
-    // A socket may overflow where the computer does other things.
-    assert!(
-        missing * 100 <= answered,
-        "{missing} of {answered} unanswered"
-    );
-    let late = figures.typical().heartbeat;
-    assert!(
-        late <= PROMISED,
-        "half of the heartbeats are late by {late:?}"
-    );
-    world.changes.slow.store(0, Ordering::Relaxed);
-    world.end();
 }
 
 #[test]

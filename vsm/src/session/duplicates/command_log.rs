@@ -77,8 +77,7 @@ pub(super) fn parse_line(line: &str) -> Option<Seen> {
     words.next().is_none().then_some(seen)
 }
 
-/// The name of the log of a station's commands.
-pub(crate) fn log_file(station: Id) -> String {
+pub(super) fn log_file(station: Id) -> String {
     format!("commands-{:08x}.log", station.0)
 }
 

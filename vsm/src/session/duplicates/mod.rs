@@ -41,8 +41,9 @@ use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, StoreError};
 use stanag_msgs::enums::AckType;
 use stanag_msgs::{Id, TimeStamp};
 
-pub(crate) use self::command_log::log_file;
-use self::command_log::{STICKS_LINE, USED_LINE, parse_line, parse_span, write_line, write_span};
+use self::command_log::{
+    STICKS_LINE, USED_LINE, log_file, parse_line, parse_span, write_line, write_span,
+};
 pub(crate) use self::delay::Delay;
 pub(crate) use self::recent::{Digest, Seen, commands_values, is_command};
 use self::recent::{MAX_COMMANDS, Recent, is_final};

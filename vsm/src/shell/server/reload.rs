@@ -7,8 +7,7 @@
 //!
 //! Files and host names are read on a separate thread ([`read`]): a folder of elevation files takes seconds, a name server
 //! that does not answer half a minute, and after one second a vehicle in flight misses heartbeats and set points. The same
-//! applies to key files and recordings of added vehicles, to their records in the store ([`read_ahead`]), and to the logs of added
-//! stations ([`begin_logs`]).
+//! applies to key files and recordings of added vehicles, and to their records in the store ([`read_ahead`]).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -40,7 +39,7 @@ use super::tasks::{receive_forward, receive_vehicle};
 use super::vehicle::{check_own, find_port, open_exchange, open_keys, open_port, record_vehicle};
 use crate::config::{Changes, Config, ForwardLink, LinkAddress, Report, Signing, Vehicle};
 use crate::key_exchange::{ExchangeRecord, IDENTITY, KeyExchange};
-use crate::session::{GuardKeyUntil, LinkEnd, command_log};
+use crate::session::{GuardKeyUntil, LinkEnd};
 use crate::shell::clock::NOT_BEFORE;
 use crate::shell::disk::FileDisk;
 use crate::shell::key_store::KeyStore;
@@ -354,9 +353,8 @@ fn read(path: &Path, open: &mut Open) -> Result<Reread, String> {
     let forward_keys = forward::keys(config, &known).map_err(|fault| fault.to_string())?;
     let stations = config.stations().map(|one| one.id);
     let is_listed = |id: &Id| open.config.stations().any(|one| one.id == *id);
-    let stations: Vec<Id> = stations.filter(|id| !is_listed(id)).collect();
-    begin_logs(&open.store, &stations);
-    let ids = stations.into_iter().chain(files.keys().copied());
+    let stations = stations.filter(|id| !is_listed(id));
+    let ids = stations.chain(files.keys().copied());
     let ids = ids.map(|id| format!("{:08x}", id.0));
     let others = forward::owners(config, &known, &forward_keys);
     let guard_keys = guards::keys(config, others, open.now).map_err(|fault| fault.to_string())?;
@@ -380,19 +378,6 @@ fn read(path: &Path, open: &mut Open) -> Result<Reread, String> {
         ahead,
         changes,
     })
-}
-
-/// Begins the logs of the commands of added stations: a command is logged before it is carried out, and the bridge would wait for a
-/// disk that takes long to create the file.
-fn begin_logs(store: &FileDisk, stations: &[Id]) {
-    // There a thread writes each line.
-    if store.system().is_shared() {
-        return;
-    }
-    for station in stations {
-        // Where that fails, so does its first command, which is reported.
-        let _ = store.add(&command_log(*station), b"");
-    }
 }
 
 /// Opens the keys of an added vehicle, which may be none of a vehicle in `known`, and begins its recording.
