@@ -32,7 +32,7 @@ use super::duplicates::Remembered;
 use super::link::services::Services;
 use super::log::{LogEntry, LogLevel};
 use super::logical::LogicalIds;
-use super::outbox::{Datagram, Destination, Instance, MAX_HELD_ACKNOWLEDGEMENTS, Outbox, Waiting};
+use super::outbox::{Datagram, Destination, Instance, Outbox, Waiting};
 use super::paths::{Kind, Paths, Verdict};
 use super::station::GroundStation;
 use super::store::{Boot, Uptime};
@@ -355,10 +355,7 @@ impl<'a> DliEffects<'a> {
         if answer == AckType::Refused {
             self.counters.count("refused");
         }
-        let behind = || {
-            let before = self.outbox.held_for(origin.station)?;
-            self.outbox.keeps_order(origin.station).then_some(before)
-        };
+        let behind = || self.outbox.held_for(origin.station);
         match self.waits_for().or_else(behind) {
             None => self.send_acknowledgement(source, origin, answer),
             Some(until) => {
@@ -744,19 +741,6 @@ impl Effects<'_> {
     /// A line of the log about the vehicle.
     pub(crate) fn note(&mut self, level: LogLevel, text: impl Into<String>) {
         self.dli.note(level, self.id, text.into());
-    }
-
-    /// Whether what a message changes may be stored: its answer waits for the disk.
-    ///
-    /// # Errors
-    /// As many wait as may, and this one would be lost.
-    pub(crate) fn may_store(&self, origin: &Origin) -> Result<(), String> {
-        match self.dli.outbox.has_room(Some(origin.station)) {
-            true => Ok(()),
-            false => Err(format!(
-                "{MAX_HELD_ACKNOWLEDGEMENTS} answers to this CUCS wait for the disk of the VSM: send it again once they have come"
-            )),
-        }
     }
 
     /// Answers from here on in this call depend on a change of the disk that an earlier call has queued.

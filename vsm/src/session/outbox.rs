@@ -177,8 +177,6 @@ pub(crate) struct Outbox {
     queue: VecDeque<Datagram>,
     time: WallTime,
     held: VecDeque<Held>,
-    /// Some of them wait for nothing but the next call of [`Outbox::release`].
-    more: bool,
     /// The answers of this call depend on decisions of earlier calls, stored by these changes of the disk.
     pub(crate) answer_after: Changes,
     /// Of the latest message, ms since 1970: the stamp itself rolls over.
@@ -299,54 +297,33 @@ impl Outbox {
         TimeStamp::from_unix_ms(*last_ms)
     }
 
-    /// Keeps something until changes of the disk are durable; false where there is no room, and it is lost.
+    /// Keeps something until changes of the disk are durable; false where there is no room, and something is lost: an
+    /// acknowledgement takes the place of the oldest message, since it is sent once, and its command is not carried out again.
     pub(crate) fn hold(
         &mut self,
         (until, stuck): (Changes, bool),
         asker: Option<usize>,
         what: Waiting,
     ) -> bool {
-        let fits = match what {
-            Waiting::Datagram(_) => self.held_of(asker, false) < MAX_HELD,
-            Waiting::Acknowledgement(..) => self.has_room(asker),
-        };
-        if fits {
-            self.held.push_back(Held {
-                until,
-                stuck,
-                asker,
-                what,
-            });
+        let of_asker = self.held.iter().filter(|held| held.asker == asker).count();
+        let fits = of_asker < MAX_HELD;
+        if !fits {
+            let is_message =
+                |one: &Held| one.asker == asker && matches!(one.what, Waiting::Datagram(_));
+            let acknowledges = matches!(what, Waiting::Acknowledgement(..));
+            let oldest = self.held.iter().position(is_message);
+            let Some(oldest) = oldest.filter(|_| acknowledges) else {
+                return false;
+            };
+            self.held.remove(oldest);
         }
+        self.held.push_back(Held {
+            until,
+            stuck,
+            asker,
+            what,
+        });
         fits
-    }
-
-    /// Whether an acknowledgement that waits for no change itself keeps its place behind those that do: a flood of refusals does not.
-    pub(crate) fn keeps_order(&self, station: usize) -> bool {
-        self.held_of(Some(station), true) < MAX_HELD
-    }
-
-    /// Whether one more acknowledgement to a station may wait for a change.
-    pub(crate) fn has_room(&self, asker: Option<usize>) -> bool {
-        self.held_of(asker, true) < MAX_HELD_ACKNOWLEDGEMENTS
-    }
-
-    fn held_of(&self, asker: Option<usize>, acknowledges: bool) -> usize {
-        let is_such = |one: &&Held| {
-            let is = matches!(one.what, Waiting::Acknowledgement(..));
-            one.asker == asker && is == acknowledges
-        };
-        self.held.iter().filter(is_such).count()
-    }
-
-    /// What was held for a station until the change before these waits for these too.
-    pub(crate) fn hold_longer(&mut self, station: usize, changes: Changes) {
-        let before = |one: &&mut Held| {
-            one.asker == Some(station) && one.until.until == changes.after && !one.until.is_empty()
-        };
-        for held in self.held.iter_mut().filter(before) {
-            held.until = held.until.and(changes);
-        }
     }
 
     /// Whether an answer is held for a station, behind which the next one has to wait.
@@ -356,21 +333,16 @@ impl Outbox {
         held.any(before).then_some(Changes::NONE)
     }
 
-    /// What has waited long enough, in its order for each station; not more than is sent in a moment: each acknowledgement is
-    /// logged, and others wait for that.
+    /// What has waited long enough, in its order for each station.
     pub(crate) fn release(&mut self, progress: impl Fn(Changes) -> Progress) -> Vec<Waiting> {
         let mut behind = Vec::new();
         let mut released = Vec::new();
-        self.more = false;
         for mut held in std::mem::take(&mut self.held) {
             let progress = progress(held.until);
             held.stuck = progress == Progress::Failing;
             if progress == Progress::Durable && !behind.contains(&held.asker) {
-                if released.len() < MAX_RELEASED {
-                    released.push(held.what);
-                    continue;
-                }
-                self.more = true;
+                released.push(held.what);
+                continue;
             }
             if !held.stuck && !behind.contains(&held.asker) {
                 behind.push(held.asker);
@@ -378,11 +350,6 @@ impl Outbox {
             self.held.push_back(held);
         }
         released
-    }
-
-    /// Whether the next call of [`Outbox::release`] is due.
-    pub(crate) fn has_more(&self) -> bool {
-        self.more
     }
 
     /// What is held for a station was written as it does not read any more; its acknowledgements are not written yet.
@@ -530,10 +497,6 @@ const MAX_QUEUED: usize = 65_536;
 const MAX_STATIONS_IN_TURN: usize = 16;
 /// Messages that wait for the disk at most, of what one station has led to.
 const MAX_HELD: usize = 256;
-/// The same of acknowledgements, which are short, and each of which is sent once: as many as a station may send commands at once.
-pub(crate) const MAX_HELD_ACKNOWLEDGEMENTS: usize = 2_000;
-/// How much of that is released in one call.
-const MAX_RELEASED: usize = 256;
 /// Lasting alerts of which it is known who shows them: more than a bridge with thousands of vehicles has.
 const MAX_SHOWN: usize = 65_536;
 /// Alerts whose acknowledgement is still understood.
@@ -649,7 +612,8 @@ mod tests {
     }
 
     #[test]
-    fn acknowledgements_that_wait_for_the_disk_have_room_of_their_own_and_each_loss_is_seen() {
+    fn an_acknowledgement_that_waits_for_the_disk_takes_the_place_of_a_message_and_each_loss_is_seen()
+     {
         let mut outbox = Outbox::default();
         let until = (Changes { after: 0, until: 1 }, false);
         let heartbeat = Message::from(stanag_msgs::messages::Heartbeat::default());
@@ -660,50 +624,16 @@ mod tests {
             assert!(outbox.hold(until, Some(0), message()));
         }
         assert!(!outbox.hold(until, Some(0), message()));
-        for _ in 0..MAX_HELD_ACKNOWLEDGEMENTS {
-            assert!(outbox.has_room(Some(0)));
-            assert!(outbox.hold(until, Some(0), acknowledgement()));
+        // A message is lost for each, and that is reported.
+        for _ in 0..MAX_HELD {
+            assert!(!outbox.hold(until, Some(0), acknowledgement()));
         }
-        assert!(!outbox.has_room(Some(0)));
         assert!(!outbox.hold(until, Some(0), acknowledgement()));
         assert!(outbox.hold(until, Some(1), acknowledgement()));
-        let mut released = Vec::new();
-        loop {
-            let some = outbox.release(|_| Progress::Durable);
-            assert!(some.len() <= MAX_RELEASED);
-            released.extend(some);
-            if !outbox.has_more() {
-                break;
-            }
-        }
-        assert_eq!(outbox.waiting(), 0);
-        let acknowledges = |one: &&Waiting| matches!(one, Waiting::Acknowledgement(..));
-        let acknowledged = released.iter().filter(acknowledges).count();
-        assert_eq!(acknowledged, MAX_HELD_ACKNOWLEDGEMENTS + 1);
-        assert_eq!(released.len() - acknowledged, MAX_HELD);
-    }
-
-    #[test]
-    fn what_is_stored_behind_a_message_holds_its_acknowledgement_too() {
-        let mut outbox = Outbox::default();
-        let changes = |after, until| Changes { after, until };
-        let message = || Waiting::Datagram(Box::new(to_station()));
-        for (asker, until) in [(0, 4), (0, 5), (1, 5)] {
-            assert!(outbox.hold((changes(until - 1, until), false), Some(asker), message()));
-        }
-        outbox.hold_longer(0, changes(5, 6));
-        let until = |durable: u64| {
-            move |of: Changes| match of.until <= durable {
-                true => Progress::Durable,
-                false => Progress::Waiting,
-            }
-        };
-        assert_eq!(
-            outbox.release(until(5)).len(),
-            2,
-            "another station, and another change"
-        );
-        assert_eq!(outbox.release(until(6)).len(), 1);
+        let released = outbox.release(|_| Progress::Durable);
+        assert_eq!(released.len(), MAX_HELD + 1);
+        let acknowledges = |one: &Waiting| matches!(one, Waiting::Acknowledgement(..));
+        assert!(released.iter().all(acknowledges));
     }
 
     #[test]

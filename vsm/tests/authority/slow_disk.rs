@@ -237,91 +237,6 @@ fn an_upload_is_answered_once_it_is_durable_and_what_follows_keeps_its_order() {
     assert!(scene.rig.store.waiting.is_empty() || status(&scene).held == 0);
 }
 
-/// A sends waypoints, a thousand a second, and waits for no answer.
-fn plan(scene: &mut Scene, count: u16) -> Vec<Ticket> {
-    scene.rig.stations[A].retry = Duration::from_secs(600);
-    let mut sent = Vec::new();
-    for number in 1..=count {
-        let waypoint = orders::waypoint(number, number + 1, f64::from(number), 0.0, 20.0);
-        sent.push(scene.rig.send_as(A, 0, waypoint));
-        if number % 10 == 0 {
-            scene.rig.run(0.01);
-        }
-    }
-    sent
-}
-
-/// How many of these were carried out, and how many refused.
-fn ends(scene: &Scene, sent: &[Ticket]) -> (usize, usize) {
-    let ended = |with| {
-        let station = &scene.rig.stations[A];
-        let each = sent.iter().filter(|one| station.end(**one) == Some(with));
-        each.count()
-    };
-    (ended(AckType::CarriedOut), ended(AckType::Refused))
-}
-
-/// Its log is folded into its record meanwhile: files are created and deleted.
-#[test]
-fn each_message_of_a_plan_is_answered_on_a_slow_disk() {
-    let mut scene = slow(Duration::from_millis(600));
-    let sent = plan(&mut scene, 2_500);
-    scene.rig.run(3.0);
-    assert_eq!(ends(&scene, &sent), (2_500, 0));
-    assert_eq!(
-        status(&scene).refused.get("no room to wait for the disk"),
-        0
-    );
-    assert_eq!(status(&scene).held, 0);
-}
-
-#[test]
-fn a_plan_whose_answers_find_no_room_to_wait_is_refused_with_the_reason() {
-    let mut scene = slow(Duration::from_secs(4));
-    let sent = plan(&mut scene, 2_400);
-    scene.rig.run(0.1);
-    let (carried_out, refused) = ends(&scene, &sent);
-    assert_eq!(carried_out, 0, "nothing is on the disk");
-    assert!(refused >= 300, "{refused}");
-    scene.rig.run(15.0);
-    let (carried_out, refused) = ends(&scene, &sent);
-    assert_eq!(
-        carried_out + refused,
-        sent.len(),
-        "{carried_out} carried out"
-    );
-    assert!(scene.rig.stations[A].has_alert("answers to this CUCS wait for the disk"));
-    assert_eq!(
-        status(&scene).refused.get("no room to wait for the disk"),
-        0
-    );
-}
-
-#[test]
-fn what_was_answered_of_a_plan_outlives_the_process() {
-    let mut scene = slow(Duration::from_secs(2));
-    let square = orders::square();
-    let mut sent = Vec::new();
-    for message in square.clone() {
-        sent.push(scene.rig.send_as(A, 0, message));
-        scene.rig.run(0.9);
-    }
-    let station = &scene.rig.stations[A];
-    let answered: Vec<bool> = sent.iter().map(|one| station.end(*one).is_some()).collect();
-    assert!(answered[0] && !answered[4], "{answered:?}");
-    for ticket in sent {
-        scene.rig.stations[A].give_up(ticket);
-    }
-    scene.rig.restart_bridge();
-    scene.rig.run(9.0);
-    for (message, answered) in square.into_iter().zip(answered) {
-        if !answered {
-            scene.rig.done(message);
-        }
-    }
-    scene.rig.done(orders::load());
-}
-
 /// B takes and gives up LOI 3 so often a second for ten seconds, while A commands five times a second: the longest time
 /// that A waited for an answer, and what was most in any queue.
 fn attack(scene: &mut Scene, rate: u32) -> (Duration, usize) {
@@ -391,7 +306,7 @@ fn a_station_that_keeps_the_disk_busy_delays_nobody_and_loses_its_own_messages_a
             longest <= Duration::from_millis(30),
             "{rate}/s: {longest:?}"
         );
-        assert!(most <= 1_024, "{rate}/s: {most} wait");
+        assert!(most <= 512, "{rate}/s: {most} wait");
         let refused = status(&scene).refused;
         assert!(refused.get("too many changes of rights") > 0, "{rate}/s");
         assert_eq!(refused.get("over the station's rate") > 0, over, "{rate}/s");

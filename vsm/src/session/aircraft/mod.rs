@@ -236,12 +236,12 @@ impl Aircraft {
             termination,
             held,
             link,
-            mission,
             alerts,
             watch_at: _,
             vehicle: _,
             services: _,
             settings: _,
+            mission: _,
             flight: _,
             reports: _,
             payload: _,
@@ -258,7 +258,6 @@ impl Aircraft {
             || termination.awaits_disk()
             || held.awaits_disk()
             || link.awaits_disk()
-            || mission.awaits_disk()
             || alerts.stands(Cause::Disk)
     }
 
@@ -277,7 +276,6 @@ impl Aircraft {
         self.authority(dli, authority::Input::Stored);
         self.terminate(dli, termination::Input::Watch);
         self.watch_held(dli);
-        self.mission(dli, mission::Input::WatchFence);
         self.run_until_idle(dli);
     }
 

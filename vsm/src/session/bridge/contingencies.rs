@@ -4,7 +4,7 @@
 //! A line is written before its #802 is acknowledged, and is as durable as the plan. If writing fails the upload continues;
 //! a load after a restart then names the waypoint that must be sent again.
 
-use mavlink_link::store::{Changes, Disk, Durability, MAX_RECORD_BYTES};
+use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES};
 use stanag_msgs::Id;
 
 use super::Bridge;
@@ -51,17 +51,14 @@ impl Bridge {
         let cucs = station.id();
         let of_it = self.aircraft.find(vehicle);
         let holds = |number| of_it.is_some_and(|one| one.mission.holds(cucs, number));
-        let (answered, after) = (Durability::Answered, disk.queued());
         let written = match station.translator.stored(vehicle, waypoint, holds) {
             None => return,
-            Some(Kept::Line(line)) => disk.append(&name, line.as_bytes(), answered),
-            Some(Kept::All(all)) => disk.replace(&name, all.as_bytes(), answered),
+            Some(Kept::Line(line)) => disk.append(&name, line.as_bytes(), Durability::Process),
+            Some(Kept::All(all)) => disk.replace(&name, all.as_bytes(), Durability::Process),
         };
         if written.is_err() {
-            return self.counters.count("contingency of a waypoint not stored");
+            self.counters.count("contingency of a waypoint not stored");
         }
-        let until = disk.queued();
-        self.outbox.hold_longer(index, Changes { after, until });
     }
 }
 

@@ -435,9 +435,6 @@ impl Bridge {
             }
         }
         dli.clear_answers();
-        if dli.outbox.has_more() {
-            dli.release();
-        }
         self.watch_zeroize(now, disk);
         self.forget_heartbeats(now.mono);
         self.introduce(now, disk);
@@ -535,7 +532,6 @@ impl Bridge {
         (of_vehicles.into_iter())
             .chain(self.alerts.poll_timeout())
             .chain(self.zeroize.poll_timeout())
-            .chain(self.outbox.has_more().then_some(now))
             .chain((self.paths.poll_timeout(now)).filter(|_| !self.outbox.is_paused()))
             // It shares a wake-up with the reports if there are any.
             .chain([self.checks.look_at + WATCH_SLACK])

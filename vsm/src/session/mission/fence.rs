@@ -4,7 +4,7 @@
 //! Areas of the configuration are always part of the fence. No route is sent before the vehicle holds the areas that it should: it
 //! would take one that they forbid, and report that only once it has them.
 //!
-//! No area is sent before it is stored that the vehicle may hold areas of this VSM, as with rally points. So what a restart in
+//! Before any area is sent, it is stored that the vehicle may hold areas of this VSM, as with rally points. So what a restart in
 //! the middle of an upload leaves aboard is replaced after it, or cleared where no area is left.
 //!
 //! PX4 leaves out an area that home breaches as it reads its fence, or the vehicle in the air, and reads a fence again only once its
@@ -17,7 +17,7 @@ use mapping::route::CompiledMission;
 use mapping::telemetry::Place;
 use mavlink_link::dialect::MissionState;
 use mavlink_link::service::mission::{self, Item, MavMissionType, plan_id};
-use mavlink_link::store::{Changes, Store as _, StoreError};
+use mavlink_link::store::{Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 use stanag_msgs::enums::{AckType, AreaPlanMode as Mode, MissionTransferStatus};
 use stanag_msgs::messages::{AreaTransferCommand, AreaTransferStatus, AreaVertex};
@@ -44,8 +44,6 @@ pub(super) struct Fence {
     kept: Kept,
     /// Whether the record on disk says that the vehicle may hold areas of this VSM.
     stored_wanted: bool,
-    /// The change of the disk that has written it.
-    stored: Changes,
     /// When the vehicle has read the items that were uploaded last.
     read_at: Option<Duration>,
     /// The id and the waypoints of the route that was last reported as infeasible within these areas.
@@ -64,10 +62,7 @@ struct Work {
     wanted_before: bool,
     areas: Areas,
     points: Vec<FencePoint>,
-    /// The change of the disk that the upload waits for.
-    stored: Changes,
-    /// `None` until then.
-    upload: Option<Upload>,
+    upload: Upload,
 }
 
 /// The requesting message; `None` if the VSM started the upload itself.
@@ -82,7 +77,7 @@ struct Record {
     wanted: bool,
 }
 
-vehicle_record!(Record, "areas", Answered);
+vehicle_record!(Record, "areas", Process);
 
 impl Fence {
     /// The areas of the configuration have changed: they are uploaded as soon as possible.
@@ -102,7 +97,6 @@ impl Fence {
             sent: Areas::default(),
             loaded: Areas::default(),
             stored_wanted: false,
-            stored: Changes::NONE,
             read_at: None,
             reported: None,
             compared: None,
@@ -173,19 +167,14 @@ impl Fence {
 
     /// The bridge did not run for so long.
     pub(super) fn postpone(&mut self, stopped: Duration) {
-        if let Some(upload) = self.work.as_mut().and_then(|work| work.upload.as_mut()) {
-            upload.postpone(stopped);
+        if let Some(work) = &mut self.work {
+            work.upload.postpone(stopped);
         }
     }
 
     /// Whether a fence is being uploaded.
     pub(super) fn busy(&self) -> bool {
         self.work.is_some()
-    }
-
-    /// Whether its upload waits for the disk.
-    pub(super) fn awaits_disk(&self) -> bool {
-        self.work.as_ref().is_some_and(|work| work.upload.is_none())
     }
 
     /// Whether a fence is being uploaded that no CUCS has requested.
@@ -209,7 +198,7 @@ impl Fence {
 
     /// When [`Fence::watch`] is next due.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
-        let upload = self.work.as_ref().map(|work| work.upload.as_ref());
+        let upload = self.work.as_ref().map(|work| &work.upload);
         self.kept.poll_timeout(upload)
     }
 
@@ -221,9 +210,7 @@ impl Fence {
         effects: &mut Effects<'_>,
     ) {
         let before = self.sent.clone();
-        let stored = effects
-            .may_store(&origin)
-            .and_then(|()| self.sent.store(vertex).map_err(|fault| fault.to_string()));
+        let stored = self.sent.store(vertex).map_err(|fault| fault.to_string());
         // On disk before 17000: what is acknowledged must survive a restart.
         let stored = stored.and_then(|()| {
             self.save(effects)
@@ -341,63 +328,25 @@ impl Fence {
         effects: &mut Effects<'_>,
     ) {
         let (now, wanted_before) = (context.mono(), self.kept.wanted);
-        let mut work = Work {
-            requester,
-            wanted_before,
-            areas,
-            points,
-            stored: Changes::NONE,
-            upload: None,
-        };
         let begun = free
             .map_err(str::to_owned)
-            .and_then(|()| self.store_wanted(effects));
-        work.stored = self.stored;
-        match begun.and_then(|()| self.send(now, &mut work, effects)) {
-            Ok(()) => {
+            .and_then(|()| self.store_wanted(effects))
+            .and_then(|()| self.kept.send(now, &items(&points), effects.vehicle));
+        match begun {
+            Ok(upload) => {
                 if let Some((origin, mode)) = requester {
                     let running = MissionTransferStatus::InProgress;
                     report(effects, origin.station, mode, running, None);
                 }
-                self.work = Some(work);
+                self.work = Some(Work {
+                    requester,
+                    wanted_before,
+                    areas,
+                    points,
+                    upload,
+                });
             }
-            Err(why) => self.not_sent(context, work, why, effects),
-        }
-    }
-
-    /// Begins the upload, once it is stored that the vehicle may hold areas of this VSM.
-    fn send(
-        &self,
-        now: Duration,
-        work: &mut Work,
-        effects: &mut Effects<'_>,
-    ) -> Result<(), String> {
-        let items = items(&work.points);
-        work.upload = (self.kept).send((now, work.stored), &items, effects)?;
-        Ok(())
-    }
-
-    /// None of its items was sent.
-    fn not_sent(
-        &mut self,
-        context: &Context<'_>,
-        work: Work,
-        why: String,
-        effects: &mut Effects<'_>,
-    ) {
-        self.leave_alone(work.wanted_before, effects);
-        self.end(context, work.requester, None, why, effects);
-    }
-
-    /// The vehicle's own areas, if any, are left alone.
-    fn leave_alone(&mut self, wanted_before: bool, effects: &mut Effects<'_>) {
-        // The configuration may have gained an area since.
-        let wanted = wanted_before || !self.configured.is_empty();
-        if std::mem::replace(&mut self.kept.wanted, wanted) == wanted {
-            return;
-        }
-        if let Err(fault) = self.save(effects) {
-            effects.advise(format!("fence: {NOT_STORED}: {fault}"));
+            Err(why) => self.end(context, requester, None, why, effects),
         }
     }
 
@@ -411,11 +360,10 @@ impl Fence {
         let Some(work) = &mut self.work else {
             return false;
         };
-        let Some(upload) = &mut work.upload else {
-            return false;
-        };
         let items = items(&work.points);
-        let progress = upload.handle(context.mono(), event, &items, effects.vehicle);
+        let progress = work
+            .upload
+            .handle(context.mono(), event, &items, effects.vehicle);
         self.follow(context, progress, effects);
         true
     }
@@ -428,17 +376,10 @@ impl Fence {
         free: Result<(), &'static str>,
         effects: &mut Effects<'_>,
     ) {
-        if let Some(mut work) = self.work.take_if(|work| work.upload.is_none()) {
-            match self.send(context.mono(), &mut work, effects) {
-                Ok(()) => self.work = Some(work),
-                Err(why) => self.not_sent(context, work, why, effects),
-            }
-            return;
-        }
-        if let Some(upload) = self.work.as_ref().and_then(|work| work.upload.as_ref()) {
+        if let Some(work) = &self.work {
             // MISSION_CURRENT.mission_state is about the mission: for a fence its id alone can be checked.
             let named = self.kept.named(context);
-            let progress = upload.check(context.mono(), named, true);
+            let progress = work.upload.check(context.mono(), named, true);
             if progress != Progress::Going {
                 return self.follow(context, progress, effects);
             }
@@ -571,12 +512,16 @@ impl Fence {
             }
             Progress::Failed(fault) => {
                 if let Some(work) = self.work.take() {
-                    if work.upload.as_ref().is_some_and(Upload::touched) {
+                    if work.upload.touched() {
                         // It may hold these areas, or none: what it should hold is compared, and sent or cleared.
                         self.kept.try_again(context.mono());
                         self.fault = Some(fault.explain("fence"));
-                    } else {
-                        self.leave_alone(work.wanted_before, effects);
+                    } else if !work.wanted_before {
+                        // The vehicle's own areas, if any, are left alone.
+                        self.kept.wanted = false;
+                        if let Err(fault) = self.save(effects) {
+                            effects.advise(format!("fence: {NOT_STORED}: {fault}"));
+                        }
                     }
                     let vertex = vertex_of(&work.points, &fault);
                     self.end(
@@ -671,10 +616,7 @@ impl Fence {
             loaded: lines(&self.loaded)?,
             wanted: self.kept.wanted,
         };
-        let after = effects.disk().queued();
         effects.disk().save(&vehicle, &record)?;
-        let until = effects.disk().queued();
-        self.stored = Changes { after, until };
         self.stored_wanted = self.kept.wanted;
         Ok(())
     }

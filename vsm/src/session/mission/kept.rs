@@ -8,12 +8,11 @@ use std::time::Duration;
 
 use mapping::telemetry::MissionProgress;
 use mavlink_link::service::mission::{Item, MavMissionType, plan_id};
-use mavlink_link::store::{Changes, Progress};
 
 use super::input::Context;
 use super::upload::Upload;
 use crate::session::context::WATCH_SLACK;
-use crate::session::effects::Effects;
+use crate::session::link::services::Services;
 
 /// The state of these items.
 #[derive(Debug)]
@@ -77,10 +76,10 @@ impl Kept {
         self.postponed = false;
     }
 
-    /// When a check is next due. `upload`: the upload in progress, if it has begun: the disk has its own wake-up.
-    pub(super) fn poll_timeout(&self, upload: Option<Option<&Upload>>) -> Option<Duration> {
+    /// When a check is next due. `upload`: the upload in progress.
+    pub(super) fn poll_timeout(&self, upload: Option<&Upload>) -> Option<Duration> {
         let due = match upload {
-            Some(upload) => upload.and_then(Upload::poll_timeout),
+            Some(upload) => upload.poll_timeout(),
             None => self.look_at.filter(|_| self.wanted && !self.postponed),
         };
         due.map(|due| due + WATCH_SLACK)
@@ -106,30 +105,20 @@ impl Kept {
         same
     }
 
-    /// Begins to upload the items, or to clear them if there are none; `None` while it is not on the disk yet that the vehicle
-    /// may hold them (`stored`): a restart in between would take them for the vehicle's own.
+    /// Begins to upload the items, or to clear them if there are none.
     pub(super) fn send(
         &self,
-        (now, stored): (Duration, Changes),
+        now: Duration,
         items: &[Item],
-        effects: &mut Effects<'_>,
-    ) -> Result<Option<Upload>, String> {
-        match effects.disk().progress(stored) {
-            Progress::Durable => {}
-            Progress::Waiting => return Ok(None),
-            Progress::Failing => {
-                return Err("what the vehicle holds cannot be stored".to_owned());
-            }
-        }
+        vehicle: &mut Services,
+    ) -> Result<Upload, String> {
         // Without items there is nothing to read back, and no id to wait for.
         let begun = if items.is_empty() {
-            Upload::clear(now, self.kind, effects.vehicle)
+            Upload::clear(now, self.kind, vehicle)
         } else {
-            Upload::send(now, self.kind, items, effects.vehicle)
+            Upload::send(now, self.kind, items, vehicle)
         };
-        begun
-            .map(Some)
-            .map_err(|fault| format!("the mission service is {fault}"))
+        begun.map_err(|fault| format!("the mission service is {fault}"))
     }
 
     /// The vehicle holds them, confirmed by read-back, and reports this id.

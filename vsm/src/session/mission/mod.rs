@@ -225,11 +225,6 @@ impl Mission {
         }
     }
 
-    /// Whether an upload waits for the disk.
-    pub(crate) fn awaits_disk(&self) -> bool {
-        self.fence.awaits_disk() || self.rally.awaits_disk()
-    }
-
     /// Whether an upload, a download or a clearing can begin now, or why not.
     fn may_change(&self, vehicle: &VehicleState, services: &Services) -> Free {
         self.may_bound(vehicle, services)?;
@@ -430,7 +425,6 @@ impl Mission {
                     _ => Ok(()),
                 };
                 let stored = fitted
-                    .and_then(|()| effects.may_store(&origin))
                     .and_then(|()| store.refuse_late(context.mono(), cucs, origin.stamp))
                     .and_then(|()| store.store(message, cucs, effects));
                 match stored {

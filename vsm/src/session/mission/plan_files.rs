@@ -15,9 +15,6 @@
 //! because a process can end between the two writes: a log that continues another record is old, its messages are in the new
 //! record (or were cleared), and it is ignored. A last line without its line feed is ignored: that message was never
 //! answered.
-//!
-//! Nobody waits for these writes but the answers to the messages. A fold creates, renames and deletes files: on a slow disk a
-//! thousand answers and more may wait for one.
 
 use data_encoding::HEXLOWER;
 use mavlink_link::store::{Disk, Durability, MAX_RECORD_BYTES, StoreError};
@@ -129,7 +126,7 @@ impl PlanFiles {
             self.lines += 1;
         } else {
             let begun = format!("{}\n{line}\n", self.heading);
-            disk.replace(&name, begun.as_bytes(), Durability::Answered)?;
+            disk.replace(&name, begun.as_bytes(), Durability::Process)?;
             self.log_heading = Some(self.heading.clone());
             self.bytes = begun.len();
             self.lines = 1;
@@ -151,7 +148,7 @@ impl PlanFiles {
         let bytes = record::encode_plan(received, cucs, vehicle)
             .map_err(|cause| StoreError::new(&name, cause))?;
         // Write the record before the log: if the process ends in between, the log belongs to another record and is ignored.
-        disk.replace(&name, &bytes, Durability::Answered)?;
+        disk.replace(&name, &bytes, Durability::Process)?;
         self.heading = heading(&bytes);
         if self.log_heading.is_some() {
             match disk.remove(&log_name(vehicle)) {

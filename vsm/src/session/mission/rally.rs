@@ -1,13 +1,13 @@
 //! The rally points of one vehicle: those of the configuration, uploaded, read back and compared like the fence.
 //!
-//! No point is uploaded before it is stored that the vehicle may hold points of this VSM. So points removed from the
+//! Before any point is uploaded, it is stored that the vehicle may hold points of this VSM. So points removed from the
 //! configuration are cleared on the vehicle after a restart too.
 
 use std::time::Duration;
 
 use mapping::rally::{self, RallyPoint};
 use mavlink_link::service::mission::{self, Item, MavMissionType};
-use mavlink_link::store::{Changes, Store as _, StoreError};
+use mavlink_link::store::{Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 
 use super::input::Context;
@@ -23,8 +23,8 @@ pub(super) struct Rally {
     points: Vec<RallyPoint>,
     kept: Kept,
     work: Option<Work>,
-    /// The record as it is on disk, and the change that has written it.
-    stored: (Record, Changes),
+    /// The record as it is on disk.
+    stored: Record,
     /// Since when the vehicle has reported points although the configuration has none.
     strange_since: Option<Duration>,
 }
@@ -33,8 +33,7 @@ pub(super) struct Rally {
 struct Work {
     /// What is sent and read back: the points of the configuration may change meanwhile.
     items: Vec<Item>,
-    /// `None` until it is stored that the vehicle may hold points of this VSM.
-    upload: Option<Upload>,
+    upload: Upload,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -43,7 +42,7 @@ struct Record {
     wanted: bool,
 }
 
-vehicle_record!(Record, "rally", Answered);
+vehicle_record!(Record, "rally", Process);
 
 impl Rally {
     /// With the points of the configuration.
@@ -52,7 +51,7 @@ impl Rally {
             kept: Kept::new(KIND, !points.is_empty()),
             points,
             work: None,
-            stored: (Record::default(), Changes::NONE),
+            stored: Record::default(),
             strange_since: None,
         }
     }
@@ -63,20 +62,19 @@ impl Rally {
     /// The record exists but cannot be read.
     pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
         let vehicle = effects.id;
-        self.stored.0 = effects.disk().load(&vehicle)?.unwrap_or_default();
+        self.stored = effects.disk().load(&vehicle)?.unwrap_or_default();
         // Without points in the configuration they are cleared.
-        self.kept.wanted |= self.stored.0.wanted;
+        self.kept.wanted |= self.stored.wanted;
         Ok(())
     }
 
     fn store(&mut self, wanted: bool, effects: &mut Effects<'_>) -> Result<(), String> {
         let record = Record { wanted };
-        if self.stored.0 != record {
-            let (vehicle, after) = (effects.id, effects.disk().queued());
+        if self.stored != record {
+            let vehicle = effects.id;
             let saved = effects.disk().save(&vehicle, &record);
             saved.map_err(|fault| format!("what the vehicle holds cannot be stored: {fault}"))?;
-            let until = effects.disk().queued();
-            self.stored = (record, Changes { after, until });
+            self.stored = record;
         }
         Ok(())
     }
@@ -99,8 +97,8 @@ impl Rally {
 
     /// The bridge did not run for so long: what the vehicle has reported meanwhile is not read yet.
     pub(super) fn postpone(&mut self, stopped: Duration) {
-        if let Some(upload) = self.work.as_mut().and_then(|work| work.upload.as_mut()) {
-            upload.postpone(stopped);
+        if let Some(work) = &mut self.work {
+            work.upload.postpone(stopped);
         }
     }
 
@@ -114,11 +112,6 @@ impl Rally {
         self.work.is_some()
     }
 
-    /// Whether their upload waits for the disk.
-    pub(super) fn awaits_disk(&self) -> bool {
-        self.work.as_ref().is_some_and(|work| work.upload.is_none())
-    }
-
     /// The id under which the vehicle was read back to hold them.
     pub(super) fn id(&self) -> Option<u32> {
         self.kept.id().filter(|_| !self.busy())
@@ -126,7 +119,7 @@ impl Rally {
 
     /// When [`Rally::watch`] is next due.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
-        let upload = self.work.as_ref().map(|work| work.upload.as_ref());
+        let upload = self.work.as_ref().map(|work| &work.upload);
         self.kept.poll_timeout(upload)
     }
 
@@ -137,11 +130,7 @@ impl Rally {
         event: &mission::Event,
         effects: &mut Effects<'_>,
     ) -> bool {
-        let Some(Work {
-            items,
-            upload: Some(upload),
-        }) = &mut self.work
-        else {
+        let Some(Work { items, upload }) = &mut self.work else {
             return false;
         };
         let progress = upload.handle(context.mono(), event, items, effects.vehicle);
@@ -156,13 +145,10 @@ impl Rally {
         may_change: bool,
         effects: &mut Effects<'_>,
     ) {
-        if let Some(work) = self.work.take_if(|work| work.upload.is_none()) {
-            return self.send(context, work.items, effects);
-        }
-        if let Some(upload) = self.work.as_ref().and_then(|work| work.upload.as_ref()) {
+        if let Some(work) = &self.work {
             // MISSION_CURRENT.mission_state is about the mission alone.
             let named = self.kept.named(context);
-            let progress = upload.check(context.mono(), named, true);
+            let progress = work.upload.check(context.mono(), named, true);
             return self.follow(context, progress, effects);
         }
         let items = rally::items(&self.points);
@@ -173,8 +159,9 @@ impl Rally {
                 if stored.is_ok() && self.kept.holds(context, &items) {
                     return self.compare(context, effects);
                 }
-                match stored {
-                    Ok(()) => self.send(context, items, effects),
+                let now = context.mono();
+                match stored.and_then(|()| self.kept.send(now, &items, effects.vehicle)) {
+                    Ok(upload) => self.work = Some(Work { items, upload }),
                     Err(why) => self.failed(context, &why, effects),
                 }
             }
@@ -185,15 +172,6 @@ impl Rally {
             Seen::Same => effects.clear(Cause::Rally, UPLOADED),
         }
         self.compare(context, effects);
-    }
-
-    /// Begins the upload, once it is stored that the vehicle may hold points of this VSM.
-    fn send(&mut self, context: &Context<'_>, items: Vec<Item>, effects: &mut Effects<'_>) {
-        let when = (context.mono(), self.stored.1);
-        match self.kept.send(when, &items, effects) {
-            Ok(upload) => self.work = Some(Work { items, upload }),
-            Err(why) => self.failed(context, &why, effects),
-        }
     }
 
     fn compare(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {

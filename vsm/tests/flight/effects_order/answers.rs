@@ -119,7 +119,7 @@ fn a_command_log_that_cannot_be_written_is_reported_and_stops_nothing() {
         &corner,
         &[
             "disk append commands-1b0000a0.log Process",
-            "disk save areas-1b000101.json Answered",
+            "disk save areas-1b000101.json Process",
             "disk append commands-1b0000a0.log Process",
             "A 16000 Cleared VsmStatus 6",
             "A 17000 50016 CarriedOut",
@@ -135,8 +135,8 @@ fn a_plan_and_a_command_are_on_disk_before_they_are_answered() {
         let trace = scene.give(A, message);
         // The first message of a plan begins its log, the others are appended.
         let stored = match number {
-            0 => "disk save plan-1b000101.log Answered",
-            _ => "disk append plan-1b000101.log Answered",
+            0 => "disk save plan-1b000101.log Process",
+            _ => "disk append plan-1b000101.log Process",
         };
         assert_trace(
             &trace,
@@ -153,7 +153,7 @@ fn a_plan_and_a_command_are_on_disk_before_they_are_answered() {
         &area,
         &[
             "disk append commands-1b0000a0.log Process",
-            "disk save areas-1b000101.json Answered",
+            "disk save areas-1b000101.json Process",
             "disk append commands-1b0000a0.log Process",
             "A 17000 50016 CarriedOut",
         ],
@@ -164,7 +164,7 @@ fn a_plan_and_a_command_are_on_disk_before_they_are_answered() {
         &[
             "disk append commands-1b0000a0.log Process",
             // That the upload has ended here.
-            "disk append plan-1b000101.log Answered",
+            "disk append plan-1b000101.log Process",
             "A 17000 13000 Received",
             "A 14000 InProgress",
             "A 14000 InProgress",
@@ -178,7 +178,7 @@ fn a_plan_and_a_command_are_on_disk_before_they_are_answered() {
             "disk save chosen-1b000101.json Power",
             "disk save aboard-1b000101.json Power",
             // What is loaded is a good moment to fold the plan's log into its record.
-            "disk save plan-1b000101.json Answered",
+            "disk save plan-1b000101.json Process",
             "disk remove plan-1b000101.log Power",
             "disk append commands-1b0000a0.log Process",
             // That AGL is flown above home, once.
@@ -218,7 +218,7 @@ fn a_plan_that_cannot_be_stored_is_refused_and_unknown() {
         &waypoint,
         &[
             "disk append commands-1b0000a0.log Process",
-            "disk append plan-1b000101.log Answered FAILS",
+            "disk append plan-1b000101.log Process FAILS",
             "disk append commands-1b0000a0.log Process",
             "A 17000 13002 Refused",
             "A 16000 Caution VsmStatus 6 new",
@@ -237,7 +237,7 @@ fn a_plan_that_cannot_be_stored_is_refused_and_unknown() {
         &area,
         &[
             "disk append commands-1b0000a0.log Process",
-            "disk save areas-1b000101.json Answered FAILS",
+            "disk save areas-1b000101.json Process FAILS",
             "disk append commands-1b0000a0.log Process",
             "A 17000 50016 Refused",
             "A 16000 Caution VsmStatus 8 new",
@@ -252,7 +252,7 @@ fn a_plan_that_cannot_be_stored_is_refused_and_unknown() {
             "disk save chosen-1b000101.json Power",
             "disk save aboard-1b000101.json Power FAILS",
             // The upload stays for another 13000, and gives way to another upload.
-            "disk save plan-1b000101.json Answered",
+            "disk save plan-1b000101.json Process",
             "disk remove plan-1b000101.log Power",
             "disk append commands-1b0000a0.log Process",
             // That AGL is flown above home, once.

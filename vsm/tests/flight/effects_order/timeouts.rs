@@ -150,7 +150,7 @@ fn one_timeout_after_a_restart_in_the_middle_of_a_launch() {
             // 2: that the holder sends heartbeats is stored again.
             "disk save authority-1b000101.json Power",
             // 10: the vehicle may hold areas of this VSM.
-            "disk save areas-1b000101.json Answered",
+            "disk save areas-1b000101.json Process",
             // 16: the vehicle's link id.
             "disk save link-id-1b000101.json Answered",
             // 5: the vehicle holds another mission.
@@ -273,7 +273,7 @@ fn one_timeout_that_ends_a_load_and_completes_a_handover() {
         &trace,
         &[
             // 3: how the upload ended, and the answer to the load.
-            "disk save plan-1b000101.json Answered",
+            "disk save plan-1b000101.json Process",
             "disk remove plan-1b000101.log Power",
             "disk append commands-1b0000a0.log Process",
             // 14: the handover, and the answers to both parties.
@@ -282,7 +282,7 @@ fn one_timeout_that_ends_a_load_and_completes_a_handover() {
             "disk append commands-1b0000a0.log Process",
             "disk append commands-1b0000a1.log Process",
             // Control has changed: what A had sent is dropped.
-            "disk save plan-1b000101.json Answered",
+            "disk save plan-1b000101.json Process",
             // 3: the load has failed.
             "A 14000 Aborted",
             "A 17000 13000 Refused",

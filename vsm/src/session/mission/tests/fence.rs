@@ -309,11 +309,6 @@ fn areas_that_the_vehicle_breaches_after_a_restart_are_named_with_what_clears_th
 
 /// 50016 and 50017 of a CUCS.
 fn load_areas(world: &mut World, mission: &mut Mission) {
-    request_areas(world, mission);
-    assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
-}
-
-fn request_areas(world: &mut World, mission: &mut Mission) {
     let centre = AreaVertex {
         area_id: Some(1),
         area_type: Some(AreaType::KeepInCircle),
@@ -330,47 +325,7 @@ fn request_areas(world: &mut World, mission: &mut Mission) {
         ..AreaTransferCommand::default()
     };
     command(world, mission, load);
-}
-
-/// A restart in between would take them for the vehicle's own.
-#[test]
-fn nothing_is_sent_before_it_is_stored_that_the_vehicle_may_hold_it() {
-    let disk = |durable| {
-        Box::new(MemoryDisk {
-            queues: true,
-            queued: durable,
-            durable,
-            ..MemoryDisk::default()
-        })
-    };
-    let point = RallyPoint {
-        place: (47.0, 8.0),
-        height: mapping::rally::Height::AboveHome(2.0),
-    };
-    for points in [vec![], vec![point]] {
-        let of_cucs = points.is_empty();
-        let (mut world, mut mission) = (World::new(), Mission::new(Vec::new(), points));
-        world.disk = disk(0);
-        if of_cucs {
-            request_areas(&mut world, &mut mission);
-        } else {
-            handle(&mut world, &mut mission, Input::LinkUp);
-            world.advance(4 * SECOND);
-            handle(&mut world, &mut mission, Input::WatchFence);
-        }
-        assert!(mission.awaits_disk(), "areas: {of_cucs}");
-        assert_eq!(world.services.missions.busy(), None);
-        assert!(mission.view(&world.vehicle, &world.services).fence_busy);
-        assert_eq!(mission.poll_timeout(), None, "the disk has its own wake-up");
-        world.advance(SECOND);
-        handle(&mut world, &mut mission, Input::WatchFence);
-        assert_eq!(world.services.missions.busy(), None);
-        world.disk = disk(100);
-        handle(&mut world, &mut mission, Input::WatchFence);
-        assert!(!mission.awaits_disk());
-        let begun = world.services.missions.busy();
-        assert_eq!(begun, Some(Operation::Upload), "areas: {of_cucs}");
-    }
+    assert_eq!(world.services.missions.busy(), Some(Operation::Upload));
 }
 
 /// What the vehicle holds after a failed upload is known only where it has requested no item: then its own areas are left alone.

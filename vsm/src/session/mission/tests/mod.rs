@@ -17,7 +17,6 @@ use mavlink_link::dialect::MissionState;
 use mavlink_link::service::mission::{
     Event, Failure, Item, MavMissionType, Operation, plan_id, px4_read_back,
 };
-use mavlink_link::store::MemoryDisk;
 use stanag_msgs::enums::{
     AltitudeType, MissionPlanMode as Mode, MissionTransferStatus as Status, RouteType,
 };
