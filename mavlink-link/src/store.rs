@@ -12,7 +12,7 @@
 //!
 //! impl Record for Starts {
 //!     type Key = u32;
-//!     const DURABILITY: Durability = Durability::Power;
+//!     const DURABILITY: Durability = Durability::Process;
 //!     fn name(vehicle: &u32) -> String { format!("starts-{vehicle:08x}") }
 //!     fn encode(&self) -> Vec<u8> { self.0.to_string().into_bytes() }
 //!     fn decode(bytes: &[u8]) -> Result<Self, String> {
@@ -225,11 +225,10 @@ pub enum Progress {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Durability {
     /// The end of this process, `kill -9` too, from the return of the call on: what follows cannot wait, such as a command
-    /// to the vehicle. A disk that queues promises that of lines that are added to a log which is there; a file it replaces as
-    /// with `Answered`.
+    /// to the vehicle.
     Process,
-    /// The same, but on a disk that queues only once its change is [`Progress::Durable`]: what follows waits for that, as an
-    /// answer does.
+    /// The same, but on a disk that queues only once its change is [`Progress::Durable`]: nothing but an answer follows,
+    /// which waits for that.
     Answered,
     /// A power cut as well: synchronised to the disk before the call returns, or, on a disk that queues, once
     /// its change is [`Progress::Durable`].
@@ -372,7 +371,7 @@ pub fn log_name(name: &str, number: u32) -> String {
 pub const MAX_RECORD_BYTES: u64 = 16 << 20;
 
 #[cfg(any(test, feature = "test-util"))]
-pub use memory::{FileChange, MemoryDisk};
+pub use memory::MemoryDisk;
 
 #[cfg(any(test, feature = "test-util"))]
 mod memory {
@@ -385,7 +384,7 @@ mod memory {
     /// A disk in memory, for tests: it outlives what writes to it, and can be full.
     #[derive(Debug, Default, Clone)]
     pub struct MemoryDisk {
-        /// The files, as the end of the process leaves them.
+        /// The files.
         pub records: BTreeMap<String, Vec<u8>>,
         /// No file whose name starts so can be changed: a full disk. An empty text matches every file.
         pub full: Option<&'static str>,
@@ -397,11 +396,10 @@ mod memory {
         pub refused: u64,
         /// How many had to survive a power cut.
         pub synced: u64,
-        /// Whether changes are made later, by [`complete`](MemoryDisk::complete): all but lines of [`Durability::Process`]
-        /// that follow no other change of their family.
+        /// Whether changes with [`Durability::Power`] become durable later, by [`complete`](MemoryDisk::complete).
         pub queues: bool,
-        /// Changes that are not made yet, with their numbers and files, the oldest first: the end of the process loses them.
-        pub waiting: VecDeque<(u64, String, FileChange)>,
+        /// Records that were replaced and are not durable yet, the oldest first: the end of the process loses them.
+        pub waiting: VecDeque<(u64, String, Vec<u8>)>,
         /// Records whose names start so cannot be made durable.
         pub stuck: Option<&'static str>,
         /// The last change that was queued.
@@ -412,35 +410,8 @@ mod memory {
         pub written_within: Option<Duration>,
     }
 
-    /// A change of a file.
-    #[derive(Debug, Clone)]
-    pub enum FileChange {
-        /// It has this content.
-        Content(Vec<u8>),
-        /// These bytes are added.
-        Added(Vec<u8>),
-        /// It is deleted.
-        Removed,
-    }
-
-    impl FileChange {
-        fn apply(self, file: &mut Option<Vec<u8>>) {
-            match self {
-                FileChange::Content(bytes) => *file = Some(bytes),
-                FileChange::Added(bytes) => file.get_or_insert_default().extend(bytes),
-                FileChange::Removed => *file = None,
-            }
-        }
-    }
-
     impl MemoryDisk {
-        /// Makes a change, or queues it.
-        fn change(
-            &mut self,
-            name: &str,
-            change: FileChange,
-            durability: Durability,
-        ) -> Result<(), StoreError> {
+        fn admit(&mut self, name: &str, durability: Durability) -> Result<(), StoreError> {
             self.writes += 1;
             let starts = |prefix: &str| name.starts_with(prefix);
             let over = self.written_over.is_some_and(starts) && self.records.contains_key(name);
@@ -449,34 +420,8 @@ mod memory {
                 return Err(StoreError::new(name, "No space left on device"));
             }
             self.synced += u64::from(durability == Durability::Power);
-            // A line behind a change of the same files must not come before it.
-            let follows = || (self.waiting.iter()).any(|one| family_of(&one.1) == family_of(name));
-            if self.queues && (durability != Durability::Process || follows()) {
-                self.queued += 1;
-                let waits = (self.queued, name.to_owned(), change);
-                self.waiting.push_back(waits);
-            } else {
-                self.make(name, change);
-            }
+            self.queued += u64::from(self.queues && durability == Durability::Power);
             Ok(())
-        }
-
-        fn make(&mut self, name: &str, change: FileChange) {
-            // In place: a log may be long.
-            let mut file = self.records.remove(name);
-            change.apply(&mut file);
-            if let Some(bytes) = file {
-                self.records.insert(name.to_owned(), bytes);
-            }
-        }
-
-        /// A file with all changes made: a process sees its own, as on a real disk that queues.
-        fn content(&self, name: &str) -> Option<Vec<u8>> {
-            let mut file = self.records.get(name).cloned();
-            for (_, _, change) in self.waiting.iter().filter(|one| one.1 == name) {
-                change.clone().apply(&mut file);
-            }
-            file
         }
 
         fn is_stuck(&self, name: &str) -> bool {
@@ -487,7 +432,7 @@ mod memory {
         pub fn complete(&mut self, change: u64) {
             for one in std::mem::take(&mut self.waiting) {
                 if one.0 <= change && !self.is_stuck(&one.1) {
-                    self.make(&one.1, one.2);
+                    self.records.insert(one.1, one.2);
                 } else {
                     self.waiting.push_back(one);
                 }
@@ -502,11 +447,6 @@ mod memory {
         }
     }
 
-    /// The files whose changes have an order.
-    fn family_of(name: &str) -> &str {
-        name.split_once('.').map_or(name, |(family, _)| family)
-    }
-
     impl Disk for MemoryDisk {
         fn read(
             &self,
@@ -514,7 +454,9 @@ mod memory {
             max_bytes: u64,
         ) -> Result<Option<Zeroizing<Vec<u8>>>, StoreError> {
             let max = usize::try_from(max_bytes).unwrap_or(usize::MAX);
-            let bytes = self.content(name);
+            // A process sees its own queued writes, as on a real disk that queues.
+            let waits = self.waiting.iter().rev().find(|one| one.1 == name);
+            let bytes = waits.map(|one| &one.2).or(self.records.get(name));
             Ok(bytes.map(|bytes| Zeroizing::new(bytes[..bytes.len().min(max)].to_vec())))
         }
 
@@ -529,11 +471,21 @@ mod memory {
             bytes: &[u8],
             durability: Durability,
         ) -> Result<(), StoreError> {
-            let durability = match durability {
-                Durability::Process => Durability::Answered,
-                other => other,
+            // A write behind a queued one of the same file must queue too, or the older bytes would overwrite it.
+            let follows = self.waiting.iter().any(|one| one.1 == name);
+            let durability = if follows {
+                Durability::Power
+            } else {
+                durability
             };
-            self.change(name, FileChange::Content(bytes.to_vec()), durability)
+            self.admit(name, durability)?;
+            if self.queues && durability == Durability::Power {
+                let waits = (self.queued, name.to_owned(), bytes.to_vec());
+                self.waiting.push_back(waits);
+            } else {
+                self.records.insert(name.to_owned(), bytes.to_vec());
+            }
+            Ok(())
         }
 
         fn append(
@@ -542,25 +494,25 @@ mod memory {
             bytes: &[u8],
             durability: Durability,
         ) -> Result<(), StoreError> {
-            self.change(name, FileChange::Added(bytes.to_vec()), durability)
-        }
-
-        fn compact(&mut self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
-            // What is added meanwhile is in both files: the end of the process leaves one that says the same.
-            let content = FileChange::Content(bytes.to_vec());
-            self.change(name, content, Durability::Process)
+            self.admit(name, durability)?;
+            let file = self.records.entry(name.to_owned()).or_default();
+            file.extend_from_slice(bytes);
+            Ok(())
         }
 
         fn rename(&mut self, from: &str, to: &str) -> Result<(), StoreError> {
-            let Some(bytes) = self.content(from) else {
-                return Ok(());
-            };
-            self.change(from, FileChange::Removed, Durability::Power)?;
-            self.change(to, FileChange::Content(bytes), Durability::Power)
+            self.admit(from, Durability::Power)?;
+            if let Some(bytes) = self.records.remove(from) {
+                self.records.insert(to.to_owned(), bytes);
+            }
+            Ok(())
         }
 
         fn remove(&mut self, name: &str) -> Result<(), StoreError> {
-            self.change(name, FileChange::Removed, Durability::Power)
+            self.admit(name, Durability::Power)?;
+            self.waiting.retain(|one| one.1 != name);
+            self.records.remove(name);
+            Ok(())
         }
 
         fn queues(&self) -> bool {
