@@ -257,6 +257,7 @@ impl Flight {
         UnderWay {
             enters: waits || maneuver.is_some_and(Maneuver::enters_a_mode),
             unseen: !vehicle.state_is_newer_than_command(),
+            acts: maneuver.is_some(),
             // Every stage of a landing counts: AUTO.LAND is being entered, landing items are flown to, or an approach route
             // is still being uploaded.
             lands: enters(Px4Mode::LAND)

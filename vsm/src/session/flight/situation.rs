@@ -110,6 +110,8 @@ pub(crate) struct UnderWay {
     pub(crate) enters: bool,
     /// The last report of the mode is older than the last command that may have changed it, whether that succeeded or not.
     pub(crate) unseen: bool,
+    /// A command is being carried out: the vehicle may not show yet where that leads.
+    pub(crate) acts: bool,
     /// A landing is being entered, or waits for its route.
     pub(crate) lands: bool,
     /// The mission item that the vehicle is being sent to.

@@ -752,8 +752,8 @@ fn a_clock_is_met_once_the_disk_has_it_and_in_the_last_ten_years_never() {
     let rounds = meet(&mut cucs, &mut vsm, s(1) + 2 * LIFT_EVERY, &mut Vec::new());
     assert!(rounds.is_some_and(|n| n <= 3), "{rounds:?}");
     // Who has the key ends the life of no clock.
-    let (mut cucs, mut vsm) = ends(70 * YEAR);
-    let sealed = cucs.seal(s(1), b"x");
+    let (mut cucs, mut vsm) = ends(60 * YEAR);
+    let sealed = cucs.seal(s(12 * YEAR as u64), b"x");
     assert_eq!(vsm.open(s(1), &sealed), Err(GuardRefusal::Ahead));
     assert_eq!(vsm.reply(s(1)), None);
 }

@@ -220,7 +220,7 @@ fn flies_on(hovers: bool, at: &Situation<'_>) -> bool {
     };
     match at.settled_mode() {
         _ if !at.telemetry.airborne() || at.telemetry.target.is_none() => false,
-        Some(Px4Mode::LOITER) => on_its_way(),
+        Some(Px4Mode::LOITER) => at.under_way.acts || on_its_way(),
         Some(_) => false,
         // A command of before may still take effect, or has.
         None => true,
