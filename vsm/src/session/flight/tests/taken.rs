@@ -147,7 +147,7 @@ fn a_hold_that_is_commanded_again_ends_a_held_command_to_fly_on() {
     for sent in [&[Px4Mode::LOITER][..], &[]] {
         let answers = command(&mut world, &mut flight, select(Mode::Loiter));
         assert!(!answers.contains(&AckType::Refused), "{answers:?}");
-        assert_eq!(world.commanded_modes(), sent);
+        assert_eq!(world.commanded_modes(), sent, "{answers:?}");
     }
 }
 
