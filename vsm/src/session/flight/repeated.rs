@@ -232,7 +232,8 @@ impl Flight {
             None => {
                 (enters && !self.is_on_curve(reached))
                     || context.mission.is_transferring()
-                    || (mode == Px4Mode::LOITER && ends_in_a_hold(reached, at_end))
+                    || (mode == Px4Mode::LOITER
+                        && ends_in_a_hold(reached, at_end, telemetry.stands()))
             }
         };
         if is_own {
@@ -280,7 +281,7 @@ impl Flight {
         self.curve_stream.is_flown() && reached == Px4Mode::MISSION
     }
 
-    /// Whether the vehicle still flies what the latest 2016 has led to, so that to carry it out again would only command the mode once
+    /// Whether the vehicle still flies what the latest 2016 has led to, or has landed by it, so that to carry it out again would only command the mode once
     /// more: a pilot or a failsafe that has just taken the vehicle, and is not reported yet, would lose it.
     pub(super) fn is_still_flown(&self, context: &Context<'_>) -> bool {
         let latest = self.repeated.0.as_ref();
@@ -289,6 +290,8 @@ impl Flight {
         };
         let is_shown = self.settled_mode(context) == Some(reached);
         match reached {
+            // It is not in the mode any more: PX4 leaves it as it disarms.
+            Px4Mode::RTL | Px4Mode::LAND if context.vehicle.telemetry.stands() => true,
             Px4Mode::LOITER | Px4Mode::ORBIT | Px4Mode::RTL | Px4Mode::LAND => {
                 is_shown && latest.mode() != Some(Mode::Launch)
             }
@@ -332,11 +335,12 @@ impl Latest {
     }
 }
 
-/// Whether PX4 itself leads from this mode to AUTO.LOITER.
-fn ends_in_a_hold(reached: Px4Mode, at_end: bool) -> bool {
+/// Whether PX4 itself leads from this mode to AUTO.LOITER. `stands`: on the ground, where it does so as it disarms.
+fn ends_in_a_hold(reached: Px4Mode, at_end: bool, stands: bool) -> bool {
     match reached {
         Px4Mode::TAKEOFF | Px4Mode::VTOL_TAKEOFF => true,
         Px4Mode::MISSION => at_end,
+        Px4Mode::RTL | Px4Mode::LAND => stands,
         _ => false,
     }
 }

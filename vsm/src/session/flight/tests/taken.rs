@@ -122,6 +122,34 @@ fn a_hold_a_return_and_a_landing_are_carried_out_again_where_the_vehicle_flies_o
     }
 }
 
+/// PX4 shows AUTO.LOITER as it disarms, and its motors after that.
+#[test]
+fn a_landing_and_a_return_that_have_ended_on_the_ground_are_not_begun_again() {
+    for (commanded, mode) in [
+        (Mode::AutolandEngage, Px4Mode::LAND),
+        (Mode::ContingencyA, Px4Mode::RTL),
+        (Mode::ContingencyB, Px4Mode::LAND),
+    ] {
+        let (mut world, mut flight) = held();
+        enters(&mut world, &mut flight, commanded, mode);
+        world.vehicle.telemetry.landed = Some(LandedState::OnGround);
+        for (shown, armed) in [
+            (mode, true),
+            (Px4Mode::LOITER, true),
+            (Px4Mode::LOITER, false),
+            (Px4Mode::LOITER, false),
+        ] {
+            world.advance(SECOND);
+            world.show_mode(shown);
+            world.vehicle.telemetry.armed = Some(armed);
+            let answers = command(&mut world, &mut flight, select(commanded));
+            let expected = [AckType::Received, AckType::CarriedOut];
+            assert_eq!(answers, expected, "{commanded} {shown:?} {armed}");
+            assert_eq!(world.commanded_modes(), [], "{commanded} {shown:?} {armed}");
+        }
+    }
+}
+
 /// Its time has come just after the hold.
 #[test]
 fn a_hold_that_is_commanded_again_ends_a_held_command_to_fly_on() {
