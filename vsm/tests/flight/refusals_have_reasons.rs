@@ -334,9 +334,9 @@ fn a_loiter_that_cannot_be_flown_is_refused_at_once_and_the_one_before_stays() {
     assert_eq!(kept, Some((circle.loiter_type, circle.loiter_radius)));
 }
 
-/// PX4 v1.18 compares the place of a hover with its fence, and no circle of a multicopter.
+/// PX4 v1.18 compares the place of a hover with its fence once it has ended what it flew, and no circle of a multicopter.
 #[test]
-fn a_circle_that_leaves_the_fence_is_refused_with_the_area() {
+fn a_circle_or_a_hover_that_leaves_the_fence_is_refused_with_the_area() {
     let mut rig = Rig::ready();
     let (home, place) = (orders::place(0.0, 0.0), orders::place);
     rig.done(AreaVertex {
@@ -376,6 +376,14 @@ fn a_circle_that_leaves_the_fence_is_refused_with_the_area() {
     }
     rig.done(around(150.0));
     assert_eq!(rig.truth().mode, px4_sim::Mode::Orbit);
+    rig.done(LoiterConfiguration {
+        loiter_type: Some(LoiterType::Hover),
+        ..LoiterConfiguration::default()
+    });
+    let why = "mode 12 (loiter): the hover there leaves area 1, to stay inside";
+    refused(&mut rig, around(400.0), why);
+    assert_eq!(rig.truth().mode, px4_sim::Mode::Orbit, "flown on");
+    rig.done(around(180.0));
 }
 
 #[test]

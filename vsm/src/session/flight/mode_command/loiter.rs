@@ -350,8 +350,9 @@ fn hovers_here(at: &Situation<'_>) -> bool {
     at.settled_mode() == Some(Px4Mode::LOITER) && away.is_some_and(|away| away.ground_m == 0.0)
 }
 
-/// PX4 compares a place to hover at with its fence (DO_REPOSITION), but no circle of a multicopter, and of one or an eight on wings only
-/// the centre. A circle where the vehicle is already is flown: refusing it would not stop the vehicle.
+/// PX4 compares a place to hover at with its fence (DO_REPOSITION), but has left what it flew for a hold when it refuses it; and no circle
+/// of a multicopter, of one or an eight on wings only the centre. A circle where the vehicle is already is flown: refusing it would not
+/// stop the vehicle.
 fn within_the_fence(
     place: (f64, f64),
     pattern: Pattern,
@@ -373,7 +374,10 @@ fn within_the_fence(
             let crossing = way_crossing(&areas(), &eight(place, half_m, radius_m, bearing));
             crossing.map(|crossing| format!("figure 8 of {:.0} m {crossing}", 2.0 * half_m))
         }
-        _ => None,
+        _ => {
+            let crossing = way_crossing(&areas(), &[place]);
+            crossing.map(|crossing| format!("hover there {crossing}"))
+        }
     };
     match crossing {
         Some(crossing) => Err(format!("mode 12 (loiter): the {crossing}")),
