@@ -185,6 +185,7 @@ impl World {
             amsl_m: 420.0,
             ..home
         });
+        telemetry.target = telemetry.position;
         telemetry.velocity_ned = Some([3.0, 0.0, 0.0]);
         telemetry.attitude = Some(Attitude {
             roll: 0.0,

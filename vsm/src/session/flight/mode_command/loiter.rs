@@ -212,14 +212,14 @@ fn hold(hovers: bool, at: &Situation<'_>) -> Vec<Step> {
 }
 
 /// Whether the vehicle flies to a place or an altitude in AUTO.LOITER, or may do so: that mode, commanded once more, does not end it.
-/// One that has reported no set point is not known to fly anywhere, and could not show that it stays.
+/// So may one that has reported no set point yet, as just after a start of the VSM or a lost link.
 fn flies_on(hovers: bool, at: &Situation<'_>) -> bool {
     let on_its_way = || {
         let away = Away::of(at.telemetry, circle_m(hovers, at));
         away.is_none_or(|away| away.ground_m > 0.0 || away.height_m > 0.0)
     };
     match at.settled_mode() {
-        _ if !at.telemetry.airborne() || at.telemetry.target.is_none() => false,
+        _ if !at.telemetry.airborne() => false,
         Some(Px4Mode::LOITER) => at.under_way.acts || on_its_way(),
         Some(_) => false,
         // A command of before may still take effect, or has.

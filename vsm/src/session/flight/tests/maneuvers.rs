@@ -407,3 +407,13 @@ fn a_late_report_of_sticks_that_were_released_drops_no_command_that_waits_for_it
         assert_eq!(world.requests.is_empty(), !taken);
     }
 }
+
+/// As just after a start of the VSM: where the vehicle flies to a place, AUTO.LOITER once more does not stop it.
+#[test]
+fn a_hold_before_the_first_set_point_is_no_mere_mode() {
+    let (mut world, mut flight) = (World::airborne(Px4Mode::LOITER), Flight::default());
+    world.vehicle.telemetry.target = None;
+    let answers = command(&mut world, &mut flight, select(Mode::Loiter));
+    assert_eq!(answers, [AckType::Received]);
+    assert_eq!(world.commanded_modes(), []);
+}
