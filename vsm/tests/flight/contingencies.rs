@@ -7,13 +7,14 @@ use kit::bridge::{Rig, Setup, orders};
 use px4_sim::{HealthFaults, Mode as Px4};
 use stanag_msgs::enums::{
     AckType, AreaPlanMode, AreaType, ContingencyAction, ContingencyCause, ContingencyState,
-    FlightPathControlMode as Mode, LoiBitmap, RequestedAccess, RouteType,
+    FlightPathControlMode as Mode, HeadingCommandType, LoiBitmap, RequestedAccess, RouteType,
+    SpeedType,
 };
 use stanag_msgs::messages::{
     AreaTransferCommand, AreaVertex, Contingency, CucsAuthorisationRequest,
     GenericInformationRequestMessage, UaRoute, VehicleOperatingModeCommand,
 };
-use stanag_msgs::{Bam32, Message, Text};
+use stanag_msgs::{Bam16, Bam32, Message, Scaled, Text};
 use vsm::config::Config;
 
 /// In the air and on hold, with these contingencies.
@@ -437,13 +438,14 @@ fn a_failed_motor_a_lost_position_and_a_left_fence_have_actions_of_their_own() {
         ..AreaTransferCommand::default()
     };
     rig.done(load);
-    let (latitude, longitude) = orders::place(80.0, 0.0);
-    let beyond = VehicleOperatingModeCommand {
-        loiter_position_latitude: Some(Bam32::from_degrees(latitude)),
-        loiter_position_longitude: Some(Bam32::from_degrees(longitude)),
-        ..orders::mode(Mode::Loiter)
+    let north = VehicleOperatingModeCommand {
+        heading_command_type: Some(HeadingCommandType::Course),
+        commanded_course: Some(Bam16::from_degrees(0.0)),
+        commanded_speed: Some(Scaled::saturating_from_si(4.0)),
+        speed_type: Some(SpeedType::Ground),
+        ..orders::mode(Mode::Autopilot)
     };
-    rig.done(beyond);
+    rig.done(north);
     enters(&mut rig, Px4::Rtl);
     assert!(
         rig.station()

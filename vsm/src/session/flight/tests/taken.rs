@@ -172,10 +172,13 @@ fn a_hold_that_is_commanded_again_ends_a_held_command_to_fly_on() {
     handle(&mut world, &mut flight, input);
     handle(&mut world, &mut flight, Input::Advance);
     assert_eq!(world.commanded_modes(), [Px4Mode::OFFBOARD]);
-    for sent in [&[Px4Mode::LOITER][..], &[]] {
+    for stops in [true, false] {
         let answers = command(&mut world, &mut flight, select(Mode::Loiter));
         assert!(!answers.contains(&AckType::Refused), "{answers:?}");
-        assert_eq!(world.commanded_modes(), sent, "{answers:?}");
+        // DO_REPOSITION enters AUTO.LOITER, and ends what that mode flew to before.
+        let sent = world.services.commands.poll_transmit();
+        let is_stop = |message: &MavMessage| matches!(message, MavMessage::COMMAND_INT(one) if one.command == MavCmd::MAV_CMD_DO_REPOSITION);
+        assert_eq!(sent.as_ref().is_some_and(is_stop), stops, "{sent:?}");
     }
 }
 
