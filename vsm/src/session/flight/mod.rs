@@ -5,8 +5,8 @@
 //!
 //! - `mode_command`: turns a 2016 into steps for PX4, or gives the reason why PX4 cannot do it; pure. `wings`: differences
 //!   for fixed wings. `situation`: the input of that decision
-//! - `running`: the maneuver in progress; `repeated`: a command that its station sends again and again, also after
-//!   somebody has taken the vehicle out of its mode
+//! - `running`: the maneuver in progress; `repeated`: a command that its station sends again and again; `taken`: who has
+//!   taken the vehicle out of its mode meanwhile
 //! - `sticks` (2010), `steering` (mode 15): streams that must not starve while their mode is flown
 //! - `curve_stream`: curves of a mission flown by set points, where that is configured; `streamed`: what it reads and commands
 //! - `settings` (2017, altimeter), `engine` (2008)
@@ -28,6 +28,7 @@ mod situation;
 mod steering;
 mod sticks;
 mod streamed;
+mod taken;
 #[cfg(test)]
 mod tests;
 mod unexplained;
@@ -55,8 +56,7 @@ use stanag_msgs::messages::{
 
 use self::curve_stream::CurveStream;
 use self::loss_action::LossAction;
-use self::repeated::{Repeated, Repetition};
-use self::running::NOT_NEW;
+use self::repeated::{NOT_NEW, Repeated, Repetition};
 use self::situation::{Situation, Task, UnderWay};
 use self::steering::Steering;
 use self::sticks::{Due, SEEN_WITHIN, Sticks, lost_within};

@@ -11,6 +11,7 @@ use mapping::report::{self, Commanded, CommandedDirection};
 use stanag_msgs::enums::{AckType, AlertPriority, FlightPathControlMode as Mode, SubsystemId};
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
+use super::repeated::NOT_NEW;
 use super::situation::names_mode;
 use super::sticks::lost_within;
 use super::unexplained::Unexplained;
@@ -465,6 +466,4 @@ static STAYED_IN: [Px4Mode; 6] = [
 const MAX_JOINED: usize = 64;
 const TOO_EARLY: &str =
     "a contingency is commanded since less than 3 s: command again, in knowledge of its alert";
-pub(super) const NOT_NEW: &str =
-    "this only continues or repeats an earlier command: command another mode, or pause for 5 s";
 const SUPERSEDED: &str = "superseded by a later command";

@@ -15,6 +15,7 @@
 pub mod control;
 mod events;
 mod metrics;
+mod places;
 mod routes;
 mod source;
 mod tiles;
@@ -43,6 +44,7 @@ use tokio::task::{AbortHandle, JoinError, JoinSet};
 
 use self::control::Door;
 pub use self::events::{Event, Events};
+use self::places::makes_room;
 use self::routes::{Kept, Query};
 pub use self::source::{PageInfo, Source, Span};
 pub use self::tiles::{Tiles, TilesError, TilesInfo};
@@ -125,19 +127,6 @@ struct Connection {
     host: u64,
     sent: Rc<Cell<bool>>,
     task: AbortHandle,
-}
-
-/// Which of these places, the oldest first, is given to a newcomer: one of the host that has most of them, the newcomer counted; of
-/// these the oldest that is idle, or the oldest. `held`: of each its host ([`computer_of`]), and whether it is idle.
-fn makes_room(held: &[(u64, bool)], newcomer: u64) -> Option<usize> {
-    let of = |host: u64| {
-        let places = held.iter().filter(|(one, _)| *one == host).count();
-        places + usize::from(host == newcomer)
-    };
-    // Of equal ones the last that is looked at is taken: the oldest.
-    let places = held.iter().enumerate().rev();
-    let least = places.max_by_key(|(_, (host, idle))| (of(*host), *idle));
-    least.map(|(at, _)| at)
 }
 
 async fn answer_one(

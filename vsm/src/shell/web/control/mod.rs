@@ -35,7 +35,8 @@ use tokio::task::{AbortHandle, JoinSet};
 
 pub use self::clients::{ClientEnds, Clients};
 pub use self::report::{Admitted, Report};
-use super::{makes_room, routes};
+use super::places::makes_room;
+use super::routes;
 use crate::session::computer_of;
 use crate::session::web::{MAX_FRAME, WebRefusal};
 
