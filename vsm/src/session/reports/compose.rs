@@ -19,6 +19,7 @@ use super::data_link;
 use super::health::detail_reference;
 use crate::session::context::{Context, FlightView, MissionView};
 use crate::session::effects::Effects;
+use crate::session::mission::record::UploadedMission;
 use crate::session::payload::{PayloadView, ground};
 
 /// What 17001 and 17002 can request, and the reports that are made on request only.
@@ -74,7 +75,13 @@ pub(super) fn stamp(
 pub(super) fn one(sources: &Sources<'_>, message: u16, stamp: TimeStamp) -> Option<Message> {
     let context = &sources.common;
     let (vehicle, live) = (&context.vehicle.telemetry, context.vehicle.live());
-    let compiled = sources.mission.uploaded.map(|uploaded| &uploaded.compiled);
+    // While another route takes its place aboard, the current item is one of that.
+    let is_aboard = |uploaded: &&UploadedMission| {
+        let reported = vehicle.mission;
+        reported.is_none_or(|mission| uploaded.is_aboard(mission.mission_id))
+    };
+    let uploaded = sources.mission.uploaded.filter(is_aboard);
+    let compiled = uploaded.map(|uploaded| &uploaded.compiled);
     match message {
         3 => Some(context.vehicle_id(&sources.mission, stamp).into()),
         3001 if live => {
