@@ -116,10 +116,11 @@ fn choose<'a>(seeds: &[Input], found: &'a [Input], mut room: usize) -> Vec<&'a I
     for counted in steps {
         let mut so_far = covered(seeds.iter().chain(chosen.iter().copied()), counted);
         let worth = |input: &Input, so_far: &HashSet<u32>| {
-            let own = input.features.iter();
-            let new = own.filter(|feature| !so_far.contains(&counted(**feature)));
-            // Millionths of a feature for each byte.
-            new.count() * 1_000_000 / input.line()
+            let own = input.features.iter().map(|feature| counted(*feature));
+            // Each once: an edge has a feature for each number of times that it is passed.
+            let new: HashSet<u32> = own.filter(|one| !so_far.contains(one)).collect();
+            // Millionths for each byte.
+            new.len() * 1_000_000 / input.line()
         };
         let inputs = found.iter().enumerate();
         let mut queue: BinaryHeap<(usize, Reverse<usize>)> = inputs
