@@ -288,13 +288,7 @@ pub const SETTINGS: &[Setting] = &[
     },
     Setting {
         name: "COM_DLL_EXCEPT",
-        meaning: Meaning::Bits(&[
-            "mission",
-            "auto modes",
-            "offboard",
-            "external mode",
-            "altitude cruise",
-        ]),
+        meaning: EXCEPTED_MODES,
         rules: &[Rule {
             when: When::Not(0),
             verdict: Weak,
@@ -325,13 +319,7 @@ pub const SETTINGS: &[Setting] = &[
     },
     Setting {
         name: "COM_RCL_EXCEPT",
-        meaning: Meaning::Bits(&[
-            "mission",
-            "auto modes",
-            "offboard",
-            "external mode",
-            "altitude cruise",
-        ]),
+        meaning: EXCEPTED_MODES,
         rules: &[Rule {
             when: When::Not(0),
             verdict: Decide,
@@ -617,3 +605,12 @@ const PORTS: &[(i32, &str)] = &[
     (401, "EXT2"),
     (1000, "Ethernet"),
 ];
+
+/// The bits of COM_DLL_EXCEPT and COM_RCL_EXCEPT.
+const EXCEPTED_MODES: Meaning = Meaning::Bits(&[
+    "mission",
+    "auto modes",
+    "offboard",
+    "external mode",
+    "altitude cruise",
+]);

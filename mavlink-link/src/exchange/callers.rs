@@ -5,7 +5,7 @@
 //! would go there. So each address that calls is sent the message in progress once for its call: the peer among them is
 //! reached whatever the others do, and who only had his address forged is sent little more than was sent in his name.
 //!
-//! The addresses that are remembered are few, and one computer has 65,000 of them. So where computers can be told apart, one
+//! The addresses that are remembered are few, and one computer has 65,000 of them. So where computers can be distinguished, one
 //! that has more places than others gives way to them ([`Callers::by_host`]).
 
 use core::time::Duration;

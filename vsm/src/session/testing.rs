@@ -80,7 +80,7 @@ pub(crate) struct World {
     progress: RouteProgress,
     remembered: Vec<Remembered>,
     vsm_alerts: Alerts,
-    pub(crate) outbox: Outbox,
+    outbox: Outbox,
     paths: Paths,
 }
 

@@ -66,13 +66,12 @@ impl PlanFiles {
         disk: &dyn Disk,
     ) -> Result<(ReceivedPlan, PlanFiles), StoreError> {
         let record = disk.read_whole(&record_name(PLAN, vehicle), MAX_RECORD_BYTES)?;
-        let (mut plan, recorded) = match &record {
-            None => (ReceivedPlan::default(), 0),
-            // An empty one is none that was never written: what was acknowledged would be lost unseen.
-            Some(bytes) => record::decode_plan(bytes, vehicle)
+        let record = record.as_deref().map_or(&[] as &[u8], Vec::as_slice);
+        let (mut plan, recorded) = match record {
+            [] => (ReceivedPlan::default(), 0),
+            bytes => record::decode_plan(bytes, vehicle)
                 .map_err(|cause| record_fault(PLAN, vehicle, cause))?,
         };
-        let record = record.as_deref().map_or(&[] as &[u8], Vec::as_slice);
         let mut files = PlanFiles {
             heading: heading(record),
             recorded,

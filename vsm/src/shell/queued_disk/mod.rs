@@ -9,8 +9,8 @@
 //! disk ([`FileSystem::check_room`](super::disk::FileSystem::check_room)). Where something else takes the last of it in between,
 //! the change is one that cannot be made durable, as below, and nothing more is accepted before it is written.
 //!
-//! A line that must survive `kill -9` before its call returns ([`Durability::Process`]) the caller writes itself, since memory does
-//! not survive that: to a log that is there it is one call of the system, and no file is created. A log is rewritten shorter
+//! What must survive `kill -9` before its call returns ([`Durability::Process`]) the caller writes itself, since memory does not
+//! survive that: a line of a log that is there is one call of the system, and no file is created. A log is rewritten shorter
 //! beside that (`compaction`). Such a write goes to the thread too where another of the same files is on its way, which would
 //! come after it; and in a store that is shared with other nodes: they do not see this folder.
 //!
@@ -19,8 +19,8 @@
 //! ceilings are read from memory, since each new one is compared with the one before. Where a full disk has no room beside them,
 //! the thread writes over what is there (`keeps_its_room`).
 //!
-//! A file is first written under a temporary name (`authority-1b000101.json.new-1`), and synchronised there even where it need not
-//! survive a power cut: that must not leave its name on an empty file. A start removes what a crash left.
+//! A file is first written under a temporary name (`authority-1b000101.json.new-1`), which a thread synchronises even where the file
+//! need not survive a power cut: that must not leave its name on an empty file. A start removes what a crash left.
 //!
 //! If a thread cannot make a file durable, it tries that file again. What depends on the file continues to wait, and
 //! further changes of its family (`steps`) are refused: an accepted change takes effect in the end, or never if the process ends; a
@@ -296,7 +296,7 @@ impl QueuedDisk {
         durability == Durability::Power || self.disk.system().is_shared()
     }
 
-    /// Whether the caller itself writes a line with this durability.
+    /// Whether the caller itself writes this.
     ///
     /// Not in a shared store: a file that is in the folder is stored with the next one, perhaps before the line of its log, and
     /// the node that takes over in between would find a change without its line.
@@ -415,6 +415,12 @@ impl Disk for QueuedDisk {
         bytes: &[u8],
         durability: Durability,
     ) -> Result<(), StoreError> {
+        if self.is_at_once(name, durability) && !self.compactions.contains_key(name) {
+            self.ceilings.get_mut().remove(name);
+            self.disk.replace(name, bytes, durability)?;
+            self.lengths.insert(name.to_owned(), bytes.len() as u64);
+            return Ok(());
+        }
         self.check(name, bytes.len() as u64)?;
         let content: Content = Arc::new(Zeroizing::new(bytes.to_vec()));
         let step = Step::Replace {

@@ -388,20 +388,6 @@ fn a_log_that_cannot_be_removed_does_not_bring_a_cleared_plan_back() {
     assert!(clear(&mut world, &mut plan).is_err());
 }
 
-/// As a power cut could leave it in versions that did not synchronise it before it got its name.
-#[test]
-fn an_empty_record_stops_the_start_and_is_no_vehicle_without_a_plan() {
-    let (mut world, mut disk) = world();
-    disk.replace("plan-1b000101.json", b"", Durability::Power)
-        .expect("written");
-    let mut found = MissionStore::default();
-    let restored = world.act(|_, _, effects| found.restore(effects));
-    assert_eq!(
-        restored.expect_err("it is refused").name,
-        "plan-1b000101.json"
-    );
-}
-
 #[test]
 fn a_whole_line_that_is_no_message_stops_the_start() {
     let (mut world, mut disk) = world();
