@@ -210,6 +210,13 @@ class Cucs:
             pass
         return value, self.acknowledgements(value, since)
 
+    def wait_for_ends(self, values, since, timeout=5.0):
+        """Waits until each of these messages has its end (17000 type 2 or 3), as long as a busy computer, a slow disk or a poor link may take."""
+        ended = lambda value: any(kind != RECEIVED for kind in self.acknowledgements(value, since))
+        until = time.monotonic() + timeout
+        while not all(map(ended, values)) and time.monotonic() < until:
+            self.pump(0.05)
+
     @staticmethod
     def _acknowledges(m, value):
         return (m.id == 17000 and m.fields.get("Original Message Type") == value["id"]

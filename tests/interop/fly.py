@@ -149,6 +149,7 @@ class Flight:
         c.transmit(load)
         status = c.wait(lambda m: m.id == 14000 and m.fields.get("Status") in (1, 2), self.s(10), since,
                         f"14000 about {wrong}").fields
+        c.wait_for_ends([load], since)
         c.pump(0.3)
         alerts = [m.fields.get("Text", "") for m in c.inbox[since:] if m.id == 16000]
         self.check(f"{wrong}: 14000 status 2", status.get("Status") == 2, status)
@@ -165,7 +166,7 @@ class Flight:
         definition = self.route.definition(c)
         datagrams = c.transmit(points[0], points[1]) + c.transmit(definition, *points[2:])
         self.check("several messages share a datagram", len(datagrams) == 2, [len(d) for d in datagrams])
-        c.pump(0.3)
+        c.wait_for_ends(points, since)
         for point in points:
             kinds = c.acknowledgements(point, since)
             self.check(f"13002 number {point['fields']['Waypoint Number']} is acknowledged and stored",
@@ -180,7 +181,7 @@ class Flight:
         self.check("14000 echoes the mission id and the plan mode",
                    (f.get("Mission ID"), f.get("Mission Plan Mode")) == (ROUTE_MISSION, 2), f)
         self.check("14000's percentage ends at 100", f.get("Percent Complete") == 100, f)
-        c.pump(0.3)
+        c.wait_for_ends([load], since)
         kinds = c.acknowledgements(load, since)
         self.check("13000: 17000 type 1, then 2", kinds == [dli.RECEIVED, dli.CARRIED_OUT], kinds)
         self.download()

@@ -10,6 +10,7 @@ import gzip
 import json
 import sys
 import time
+from itertools import dropwhile
 from urllib.parse import parse_qs, urlsplit
 
 from browser import ANSWER_WITHIN_MS, LOOKS, Browser
@@ -370,7 +371,9 @@ def with_a_thousand_vehicles(checks, browser, url):
     page.locator("#choice").select_option(label="UAV-0777 (1b:00:03:09)")
     opened.until("document.getElementById('vehicle-title').textContent.includes('UAV-0777')")
     checks.check("one of them is found by its name, and drawn whole", page.locator(".aircraft").count() == 1)
-    checks.check("the bridge is asked for all of that one alone", details[-1] == "1b:00:03:09" and None not in details[1:], details[:2] + details[-2:])
+    # Until it has the first answer, the page knows of no vehicle, however often it asks.
+    named = list(dropwhile(lambda detail: detail is None, details))
+    checks.check("the bridge is asked for all of that one alone", details[-1] == "1b:00:03:09" and None not in named, details[:3] + details[-2:])
     checks.check("the console is empty", not opened.complaints, opened.complaints)
     opened.close()
 

@@ -110,11 +110,7 @@ class Flight:
             if p.speed == 0.0:
                 del point["fields"]["Waypoint to Speed"], point["fields"]["Waypoint Speed Type"]
         c.transmit(definition, *points)
-        # A busy computer, or a poor link, takes longer than a good one.
-        answered = lambda: all(set(c.acknowledgements(p, since)) & {dli.CARRIED_OUT, dli.REFUSED} for p in points)
-        until = time.monotonic() + 5.0
-        while not answered() and time.monotonic() < until:
-            c.pump(0.1)
+        c.wait_for_ends(points, since)
         return all(c.acknowledgements(p, since)[-1:] == [dli.CARRIED_OUT] for p in points)
 
     def load(self, route):

@@ -416,6 +416,6 @@ fn welcome(context: &Context<'_>, station: usize, effects: &mut Effects<'_>) {
     for alert in effects.alerts.standing().cloned().collect::<Vec<_>>() {
         // For this station it is the first message of the alert, however long the alert has been active.
         let raised = Raised { alert, first: true };
-        effects.dli.alert(context.id(), &[station], Some(raised));
+        effects.dli.show(context.id(), &[station], &raised);
     }
 }

@@ -287,6 +287,8 @@ fn a_new_listener_is_sent_the_vehicle_and_the_alerts_that_stand() {
         assert_eq!(world.requests.drain(..).count(), expected);
         assert_eq!(world.listeners, [1]);
     }
+    // Whoever raised it has logged it: not once more for each station that begins to listen.
+    assert!(world.log.is_empty(), "{:?}", world.log);
     let release = RequestedAccess::Relinquish;
     authorise(&mut world, &mut machine, 1, release, LoiBitmap::LOI2);
     assert!(world.listeners.is_empty());
