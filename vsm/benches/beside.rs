@@ -1,5 +1,6 @@
 //! The same signed telemetry through `vsm run`, mavlink-router, MAVSDK and pymavlink: what a message costs each of them, and what
-//! they lose. Prints Markdown tables; `cargo bench -p vsm --bench beside`, `-- --turns 9` for more turns than five.
+//! they lose. Prints Markdown tables; `cargo bench -p vsm --bench beside`, `-- --turns 9` for more turns than five,
+//! `--rate 20000` for that rate alone, `--before PROGRAM` for another build of `vsm` in the same turns.
 //!
 //! Each gets the same stream of its own, signed beforehand, one after the other in turns of random order ([`kit::measure`]).
 //! They do not do the same work: `vsm run` verifies each frame and reports to a CUCS at 2 Hz; with a `[[forward]]` it sends each on
@@ -42,18 +43,26 @@ fn main() {
     if !std::env::args().any(|argument| argument == "--bench") {
         return;
     }
-    let turns = turns();
+    let turns = number("--turns").unwrap_or(5) as usize;
     let others = Others::find();
+    if let Some(rate) = number("--rate") {
+        return loads(turns, rate, &others);
+    }
     idle(turns, others.router.as_deref());
     for rate in [100, 1_000, 20_000] {
         loads(turns, rate, &others);
     }
 }
 
-fn turns() -> usize {
-    let mut arguments = std::env::args().skip_while(|argument| argument != "--turns");
-    let given = arguments.nth(1).and_then(|number| number.parse().ok());
-    given.unwrap_or(5)
+fn number(option: &str) -> Option<u32> {
+    given(option)?.parse().ok()
+}
+
+/// What follows this option.
+fn given(option: &str) -> Option<String> {
+    std::env::args()
+        .skip_while(|argument| argument != option)
+        .nth(1)
 }
 
 /// Other people's programs, as far as they are here.
@@ -89,7 +98,10 @@ impl Others {
 
 /// How often a second each is woken while nobody sends it anything.
 fn idle(turns: usize, router: Option<&Path>) {
-    let mut subjects = vec![Subject::vsm("vsm run", World::silent(true, ""))];
+    let mut subjects = vec![Subject::vsm(
+        "vsm run",
+        World::silent(common::vsm(), true, ""),
+    )];
     subjects.extend(router.map(Subject::router));
     let woken = in_turns(turns, &mut Random::new(), &mut subjects, |subject| {
         let before = wakeups(subject.process());
@@ -106,21 +118,23 @@ fn idle(turns: usize, router: Option<&Path>) {
 }
 
 fn loads(turns: usize, rate: u32, others: &Others) {
-    let arrivals = Arrivals::start();
-    let forward = format!(
-        "[[forward]]\nname = \"station\"\nlink = \"udpout:{}\"\n",
-        arrivals.at
+    let (plain, forwarding) = (
+        "`vsm run`",
+        "`vsm run`, each frame sent on by a `[[forward]]`",
     );
     let mut subjects = vec![
-        Subject::vsm("`vsm run`", World::start(true, "")),
-        Subject {
-            counter: Counter::Arrivals(arrivals),
-            ..Subject::vsm(
-                "`vsm run`, each frame sent on by a `[[forward]]`",
-                World::start(true, &forward),
-            )
-        },
+        Subject::vsm(plain, World::start(common::vsm(), true, "")),
+        Subject::forwarding(forwarding, common::vsm()),
     ];
+    if let Some(before) = given("--before") {
+        let before = Path::new(&before);
+        let world = World::start(before, true, "");
+        subjects.push(Subject::vsm("`vsm run` before", world));
+        subjects.push(Subject::forwarding(
+            "the same, with a `[[forward]]`",
+            before,
+        ));
+    }
     subjects.extend(others.router.as_deref().map(Subject::router));
     if let Some(python) = &others.python {
         subjects.push(Subject::python("MAVSDK, verifies nothing", python, MAVSDK));
@@ -203,6 +217,18 @@ impl Subject {
             name,
             program: Program::Vsm(world),
             counter: Counter::Status,
+        }
+    }
+
+    fn forwarding(name: &'static str, program: &Path) -> Subject {
+        let arrivals = Arrivals::start();
+        let forward = format!(
+            "[[forward]]\nname = \"station\"\nlink = \"udpout:{}\"\n",
+            arrivals.at
+        );
+        Subject {
+            counter: Counter::Arrivals(arrivals),
+            ..Subject::vsm(name, World::start(program, true, &forward))
         }
     }
 

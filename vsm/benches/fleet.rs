@@ -166,7 +166,7 @@ impl World {
         text += "[store]\ndir = \"state\"\n";
         let config = folder.path().join("vsm.toml");
         fs::write(&config, text).expect("the configuration");
-        let vsm = Command::new(VSM)
+        let vsm = Command::new(common::vsm())
             .args(["run", "--config"])
             .arg(&config)
             .env("RUST_LOG", "off")
@@ -330,7 +330,7 @@ impl World {
 
     /// How many messages the bridge has believed of all vehicles.
     fn taken(&self) -> u64 {
-        let status = Command::new(VSM)
+        let status = Command::new(common::vsm())
             .args(["status", "--json", "--config"])
             .arg(self.folder.path().join("vsm.toml"))
             .output()
@@ -464,4 +464,3 @@ fn drain(socket: &UdpSocket) {
 const TURNS: usize = 5;
 /// Vehicles that share a link: each has a system id of its own there.
 const ON_A_LINK: u32 = 200;
-const VSM: &str = env!("CARGO_BIN_EXE_vsm");

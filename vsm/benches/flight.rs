@@ -70,7 +70,7 @@ impl World {
              [store]\ndir = \"state\"\n"
         );
         fs::write(&config, text).expect("the configuration");
-        let mut command = Command::new(env!("CARGO_BIN_EXE_vsm"));
+        let mut command = Command::new(common::vsm());
         command.args(["run", "--config"]).arg(&config);
         let mut vsm = Running::spawn(&mut command);
         vsm.wait_for("ready", Duration::from_secs(20));

@@ -190,7 +190,7 @@ impl World {
             let key = SigningKey::new([0x3c; 32]).expect("a key");
             RefCell::new(StationGuard::with_key(CUCS, key, now))
         });
-        let vsm = Command::new(VSM)
+        let vsm = Command::new(common::vsm())
             .args(["run", "--config"])
             .arg(&config)
             .env("RUST_LOG", "off")
@@ -401,7 +401,6 @@ const MODE_CHANGES_HZ: u32 = 10;
 const LINGER: Duration = Duration::from_millis(5);
 /// The agent's component id where nothing else is configured.
 const AGENT: u8 = 191;
-const VSM: &str = env!("CARGO_BIN_EXE_vsm");
 const VSM_ID: Id = Id(0x1b00_0001);
 const CUCS: Id = Id(0x1b00_00a0);
 const VEHICLE: Id = Id(0x1b00_0101);

@@ -124,7 +124,7 @@ struct Path {
 impl Path {
     fn start() -> Path {
         Path {
-            world: World::start(true, ""),
+            world: World::start(common::vsm(), true, ""),
             echo: Echo::start(),
             asked: Cell::new(0),
         }
@@ -251,7 +251,7 @@ fn echo() {
 
 /// Signed frames at rising rates, a second each, until not all of them were taken.
 fn flood() {
-    let world = World::start(true, "");
+    let world = World::start(common::vsm(), true, "");
     let mut held = 0;
     let ended = RATES.into_iter().find_map(|rate| {
         let frames = Frames::telemetry(&world.autopilot, rate, 1);
@@ -281,7 +281,7 @@ fn loads() {
     println!("|---|---|---|---|");
     let mut random = Random::new();
     for rate in [PX4_RATE, 5_000] {
-        let mut worlds = [false, true].map(|signed| World::start(signed, ""));
+        let mut worlds = [false, true].map(|signed| World::start(common::vsm(), signed, ""));
         let turns = in_turns(TURNS, &mut random, &mut worlds, |world| load(world, rate));
         for (world, turns) in worlds.iter().zip(turns) {
             let (cpu_s, taken): (Vec<f64>, Vec<u64>) = turns.into_iter().unzip();

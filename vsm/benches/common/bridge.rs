@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::net::{SocketAddr, UdpSocket};
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
@@ -16,6 +17,7 @@ use crate::driver::discard;
 use crate::vehicle::{Autopilot, KEY};
 
 pub(crate) struct World {
+    program: PathBuf,
     pub(crate) autopilot: Autopilot,
     pub(crate) vehicle: UdpSocket,
     vsm: Running,
@@ -26,7 +28,7 @@ pub(crate) struct World {
 
 impl World {
     /// A bridge that nobody has sent anything yet; `more` is added to its configuration.
-    pub(crate) fn silent(signed: bool, more: &str) -> World {
+    pub(crate) fn silent(program: &Path, signed: bool, more: &str) -> World {
         let folder = tempfile::tempdir().expect("a folder");
         let (dli, mavlink) = (free(), free());
         write_key(&folder.path().join("uav.key"), &KEY);
@@ -42,13 +44,14 @@ impl World {
              [store]\ndir = \"state\"\n{more}"
         );
         fs::write(&config, text).expect("the configuration");
-        let mut command = Command::new(VSM);
+        let mut command = Command::new(program);
         command.args(["run", "--config"]).arg(&config);
         let mut vsm = Running::spawn(command.env("RUST_LOG", "off"));
         vsm.wait_for("ready", Duration::from_secs(20));
         let vehicle = socket();
         vehicle.connect(mavlink).expect("its address");
         World {
+            program: program.to_owned(),
             autopilot: Autopilot::new(signed),
             vehicle,
             vsm,
@@ -59,8 +62,8 @@ impl World {
     }
 
     /// A bridge whose vehicle is live, and whose CUCS gets its reports.
-    pub(crate) fn start(signed: bool, more: &str) -> World {
-        let world = World::silent(signed, more);
+    pub(crate) fn start(program: &Path, signed: bool, more: &str) -> World {
+        let world = World::silent(program, signed, more);
         world.send(&Message::from(CucsAuthorisationRequest {
             time_stamp: Some(stamp()),
             requested_handover_loi: Some(LoiBitmap::LOI2),
@@ -102,7 +105,7 @@ impl World {
 
     /// How many messages the bridge has believed of the vehicle.
     pub(crate) fn taken(&self) -> u64 {
-        let status = Command::new(VSM)
+        let status = Command::new(&self.program)
             .args(["status", "--json", "--config"])
             .arg(self.folder.path().join("vsm.toml"))
             .output()
@@ -118,6 +121,5 @@ pub(crate) fn stamp() -> TimeStamp {
     TimeStamp::from_unix_ms(wall().as_millis() as u64)
 }
 
-const VSM: &str = env!("CARGO_BIN_EXE_vsm");
 const CUCS: Id = Id(0x1b00_00a0);
 const VEHICLE: Id = Id(0x1b00_0101);

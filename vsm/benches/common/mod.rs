@@ -2,7 +2,13 @@
 //! vehicle's frames.
 
 use std::net::{SocketAddr, UdpSocket};
+use std::path::Path;
 use std::time::Duration;
+
+/// The program that was built with the bench.
+pub(crate) fn vsm() -> &'static Path {
+    Path::new(env!("CARGO_BIN_EXE_vsm"))
+}
 
 pub(crate) fn free() -> SocketAddr {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
