@@ -12,7 +12,7 @@
 
 mod common;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fmt::Write as _;
 use std::fs;
 use std::net::{SocketAddr, UdpSocket};
@@ -116,6 +116,8 @@ struct Station {
     socket: UdpSocket,
     reports: AtomicU64,
     ended: AtomicBool,
+    /// The vehicles that have answered the request for LOI 2.
+    answered: Mutex<HashSet<Id>>,
     /// Mode changes whose 3001 is waited for, and how long others took.
     waits: Mutex<HashMap<Id, Instant>>,
     took: Mutex<Vec<Duration>>,
@@ -364,16 +366,33 @@ impl Station {
             socket: socket(),
             reports: AtomicU64::new(0),
             ended: AtomicBool::new(false),
+            answered: Mutex::default(),
             waits: Mutex::default(),
             took: Mutex::default(),
         })
     }
 
-    /// Requests LOI 2 of every vehicle, and counts what comes from then on.
+    /// Requests LOI 2 of every vehicle, and counts what comes from then on. As a CUCS does, it asks again where nothing is
+    /// answered: while the files of so many new vehicles are made, not every request finds room to wait for the disk.
     fn listen(self: &Arc<Station>, dli: SocketAddr, vehicles: &[Vehicle]) {
         let station = Arc::clone(self);
         thread::spawn(move || station.count());
+        for _ in 0..ATTEMPTS {
+            let answered = self.answered.lock().expect("no panic").clone();
+            let asked = vehicles.iter().filter(|one| !answered.contains(&one.id));
+            if self.request(dli, asked) == 0 {
+                return;
+            }
+            thread::sleep(Duration::from_millis(500));
+        }
+        panic!("{} is not answered for every vehicle", self.id);
+    }
+
+    /// Returns how many vehicles it has asked for.
+    fn request<'a>(&self, dli: SocketAddr, vehicles: impl Iterator<Item = &'a Vehicle>) -> usize {
+        let mut asked = 0;
         for vehicle in vehicles {
+            asked += 1;
             let request = Message::from(CucsAuthorisationRequest {
                 time_stamp: Some(TimeStamp::from_unix_ms(wall().as_millis() as u64)),
                 requested_handover_loi: Some(LoiBitmap::LOI2),
@@ -387,6 +406,7 @@ impl Station {
             sent.expect("it is sent");
             thread::sleep(Duration::from_millis(2));
         }
+        asked
     }
 
     fn count(&self) {
@@ -398,6 +418,10 @@ impl Station {
             let now = Instant::now();
             for frame in frames(&bytes[..length]).flatten() {
                 self.reports.fetch_add(1, Ordering::Relaxed);
+                if frame.header.message_type == 2 {
+                    let mut answered = self.answered.lock().expect("no panic");
+                    answered.insert(frame.header.source);
+                }
                 if frame.header.message_type == 3001 {
                     let begun = self
                         .waits
@@ -462,5 +486,7 @@ fn drain(socket: &UdpSocket) {
 }
 
 const TURNS: usize = 5;
+/// How often a station asks for LOI 2 before it gives up.
+const ATTEMPTS: usize = 20;
 /// Vehicles that share a link: each has a system id of its own there.
 const ON_A_LINK: u32 = 200;
