@@ -1,5 +1,6 @@
 //! `cargo xtask fuzz`: every target of `tests/fuzz/`, from the seeds of recordings and golden vectors and from what was found before,
-//! for a while; with `--keep` what covers most of what was found is written into the repository, while no other fuzzer changes it.
+//! for a while; with `--keep` what covers most of what was found is written into the repository: nothing may fuzz
+//! into the same corpus meanwhile, or the merge ends at an input that has been replaced.
 //!
 //! The targets are those of cargo-fuzz, built with its flags, so that it can continue from the same corpus; but nothing
 //! has to be installed. Input that breaks a target stays in `tests/fuzz/artifacts`.
