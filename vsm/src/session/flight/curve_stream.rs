@@ -22,7 +22,7 @@
 //! | another route is being loaded, or the vehicle reports another mission | hold |
 //! | a 2016, the loss action, a contingency | what it commands; set points continue until the vehicle has left OFFBOARD |
 //! | a flight termination | set points end |
-//! | a pilot, a failsafe: another mode | set points end |
+//! | a pilot, a failsafe: another mode | set points end; where the failsafe holds they stand still ([`steering`](super::steering)) |
 //! | no report of the mode for [`UNWATCHED`] | set points end: PX4 holds, returns or lands (COM_OBL_RC_ACT) |
 //! | the bridge stops, or the link to the vehicle fails | the same, after COM_OF_LOSS_T; a restarted bridge streams nothing |
 //!
@@ -162,6 +162,11 @@ impl CurveStream {
     /// Whether a curve is being streamed, or the vehicle may still be in OFFBOARD for it.
     pub(super) fn is_flown(&self) -> bool {
         self.flown.is_some()
+    }
+
+    /// Whether the vehicle was last seen in OFFBOARD for a curve that nothing has ended.
+    pub(super) fn is_streaming(&self) -> bool {
+        (self.flown.as_ref()).is_some_and(|flown| flown.stage == Stage::Streaming)
     }
 
     /// Takes an input; returns the mode to command.

@@ -58,7 +58,7 @@ use self::curve_stream::CurveStream;
 use self::loss_action::LossAction;
 use self::repeated::{NOT_NEW, Repeated, Repetition};
 use self::situation::{Situation, Task, UnderWay};
-use self::steering::Steering;
+use self::steering::{Steering, Taken};
 use self::sticks::{Due, SEEN_WITHIN, Sticks, lost_within};
 use self::unexplained::Unexplained;
 use self::watched::Watched;
@@ -285,6 +285,7 @@ impl Flight {
 
     /// The bridge did not run for so long: what the vehicle has shown meanwhile is not read yet.
     pub(crate) fn postpone(&mut self, stopped: Duration) {
+        self.steering.note_gap();
         for maneuver in self.waits() {
             maneuver.postpone(stopped);
         }
@@ -295,6 +296,7 @@ impl Flight {
 
     /// The bridge did not run for too long: what was commanded before is not carried out any more.
     pub(crate) fn lapse(&mut self, now: Duration, services: &mut Services) {
+        self.steering.note_gap();
         for maneuver in self.waits() {
             maneuver.lapse(now, services);
         }
@@ -980,6 +982,15 @@ impl Flight {
         if self.maneuver.as_ref().is_some_and(again) {
             self.steering.enter_once_more();
         }
+        let holds = holds_as_failsafe(context.vehicle);
+        match (self.steering).note_mode(context.mono(), context.vehicle, holds) {
+            Some(Taken::ByFailsafe) => effects.warn_of_link(STANDS_STILL),
+            Some(Taken::Back) => effects.warn_of_link(
+                "the vehicle is in OFFBOARD again, by itself or by a pilot: it hovers by set points that stand still; command mode 15 \
+                 (autopilot) to steer it, or another mode",
+            ),
+            None => {}
+        }
         let due = self
             .steering
             .advance(context.mono(), context.vehicle, limits, system);
@@ -1036,6 +1047,11 @@ fn flies_failsafe(vehicle: &VehicleState) -> Option<Px4Mode> {
     }
 }
 
+/// Whether PX4 holds the vehicle as its failsafe.
+fn holds_as_failsafe(vehicle: &VehicleState) -> bool {
+    flies_failsafe(vehicle) == Some(Px4Mode::LOITER)
+}
+
 /// Reports that centred sticks are sent in place of those that come.
 fn advise_centred(failsafe: Px4Mode, effects: &mut Effects<'_>) {
     effects.advise(format!(
@@ -1045,6 +1061,8 @@ fn advise_centred(failsafe: Px4Mode, effects: &mut Effects<'_>) {
     ));
 }
 
+const STANDS_STILL: &str = "the vehicle holds as its failsafe, and is not steered: set points stand still as long as it does, since it \
+                            would return for want of them; command mode 15 (autopilot) again to steer it, or another mode";
 const TERMINATING: &str = "a flight termination is commanded";
 const LOST: &str = "its CUCS is lost, and the loss action (authority.on_loss) goes first";
 const DID_NOT_RUN: &str =

@@ -272,7 +272,12 @@ impl Flight {
             return;
         };
         let origin = *origin;
-        match maneuver.advance(context.mono(), context.vehicle, effects.vehicle) {
+        let enters = maneuver.enters_a_mode();
+        let progress = maneuver.advance(context.mono(), context.vehicle, effects.vehicle);
+        if enters && !maneuver.enters_a_mode() {
+            self.steering.end_aside();
+        }
+        match progress {
             Progress::Going => {}
             Progress::Done => {
                 // Its commanded values belong to the mode that the vehicle reports now.
@@ -341,7 +346,7 @@ impl Flight {
         // still enter it.
         if why.is_by_vehicle() {
             if context.vehicle.telemetry.mode != Some(Px4Mode::OFFBOARD) {
-                self.steering.release();
+                self.steering.refused();
             }
             self.breaks_off = self.breaks_off.take().and_then(BreakOff::refused);
         }

@@ -2,7 +2,9 @@
 //!
 //! Set points are sent 20 times a second, from before the mode is entered until the vehicle reports another one: PX4 treats
 //! a gap of a second as a loss and returns. While no data of the vehicle arrives they continue, level, for at most
-//! [`LONGEST_BLIND`]; after a stop of the bridge there are none before the vehicle has shown its mode. Values that a command
+//! [`LONGEST_BLIND`]; after a stop of the bridge there are none before the vehicle has shown its mode. Where PX4's failsafe puts the
+//! vehicle on hold, as at a fence with GF_ACTION 2, it keeps OFFBOARD as the mode that was chosen, and would return for want of set
+//! points: they continue, and stand still ([`Phase::Aside`]), unless the bridge did not run, since it may hold for that. Values that a command
 //! leaves out stay unchanged; on entering the mode they are the vehicle's present ones. Multicopters only: PX4 does not steer a fixed wing by such set points.
 //!
 //! | 2016 | flown as |
@@ -148,9 +150,30 @@ struct Flown {
     vertical: Vertical,
     due: Duration,
     last: Duration,
-    entered: bool,
+    phase: Phase,
+    /// The bridge did not run, and the vehicle has not shown the mode since.
+    gap: bool,
     /// The mode was given up; the vehicle may still receive its command until this time.
     given_up: Option<Duration>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// The mode is commanded; `aside`: from [`Phase::Aside`], where a refusal leads back to.
+    Entering { aside: bool },
+    /// The vehicle has shown the mode.
+    Flying,
+    /// PX4's failsafe holds the vehicle, and would return for want of set points: these stand still.
+    Aside,
+}
+
+/// Who has the vehicle after a call, where that has changed without a command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Taken {
+    /// PX4's failsafe, which holds.
+    ByFailsafe,
+    /// The set points, which stand still.
+    Back,
 }
 
 impl Steering {
@@ -162,13 +185,13 @@ impl Steering {
     /// The mode is to be entered, whatever the vehicle reported last: earlier steering no longer applies, but orders
     /// received while entering the mode do.
     pub(super) fn enter_again(&mut self) {
-        self.flown = self.flown.filter(|flown| !flown.entered);
+        self.flown = self.flown.filter(|flown| flown.phase != Phase::Flying);
     }
 
     /// The mode is commanded once more after the vehicle has shown it: a report of another one does not end the set points.
     pub(super) fn enter_once_more(&mut self) {
         if let Some(flown) = &mut self.flown {
-            (flown.entered, flown.given_up) = (false, None);
+            (flown.phase, flown.given_up) = (Phase::Entering { aside: false }, None);
         }
     }
 
@@ -192,8 +215,15 @@ impl Steering {
         vehicle: &Telemetry,
     ) -> Result<(), String> {
         let mut flown = match self.flown {
-            Some(flown) => flown,
-            None => present(now, vehicle)?,
+            Some(flown) if flown.phase != Phase::Aside => flown,
+            // It has moved since by PX4's hold.
+            aside => {
+                let mut flown = present(now, vehicle)?;
+                flown.phase = Phase::Entering {
+                    aside: aside.is_some(),
+                };
+                flown
+            }
         };
         // A new order wants the mode after all: its set points must not end with those of the earlier one.
         flown.given_up = None;
@@ -209,12 +239,79 @@ impl Steering {
         Ok(())
     }
 
-    /// Ends the set points: the mode was not entered.
+    /// Ends the set points.
     pub(crate) fn release(&mut self) {
         self.flown = None;
     }
 
-    /// The set point that is due. The stream ends when the vehicle has left the mode.
+    /// The bridge did not run for so long that PX4 may have missed set points.
+    pub(super) fn note_gap(&mut self) {
+        if let Some(flown) = &mut self.flown {
+            flown.gap = true;
+        }
+    }
+
+    /// PX4's failsafe holds a vehicle that was in the mode by the set points of a curve.
+    pub(super) fn stand_aside(&mut self, now: Duration, vehicle: &Telemetry) {
+        self.flown = present(now, vehicle).ok().map(Flown::aside);
+    }
+
+    /// The vehicle has refused a command, in another mode than that of the set points, which it was not to enter or has not.
+    pub(super) fn refused(&mut self) {
+        self.flown = self.flown.and_then(|flown| match flown.phase {
+            Phase::Aside | Phase::Entering { aside: true } => Some(flown.aside()),
+            Phase::Entering { aside: false } | Phase::Flying => None,
+        });
+    }
+
+    /// The vehicle has entered the mode of a command: its failsafe does not miss set points any more.
+    pub(super) fn end_aside(&mut self) {
+        self.flown = self.flown.filter(|flown| flown.phase != Phase::Aside);
+    }
+
+    /// Notes the mode that the vehicle shows; `holds`: by a failsafe of PX4. The stream ends when the vehicle has left the mode otherwise.
+    pub(super) fn note_mode(
+        &mut self,
+        now: Duration,
+        state: &VehicleState,
+        holds: bool,
+    ) -> Option<Taken> {
+        let flown = self.flown?;
+        let steered = state.telemetry.mode == Some(Px4Mode::OFFBOARD);
+        let (flown, taken) = match flown.phase {
+            // HEARTBEAT shows the previous mode for up to a second, and may show an earlier OFFBOARD.
+            Phase::Entering { .. } if steered && state.state_is_newer_than_command() => {
+                (flown.in_phase(Phase::Flying), None)
+            }
+            Phase::Entering { aside } => {
+                let arrived = flown.given_up.is_some_and(|until| until <= now);
+                let mode = state.settled_mode();
+                match arrived && mode.is_some_and(|mode| mode != Px4Mode::OFFBOARD) {
+                    false => return None,
+                    true if aside && holds => (flown.aside(), None),
+                    true => return self.end(),
+                }
+            }
+            Phase::Flying if steered => {
+                let gap = flown.gap && state.awaits_mode();
+                (Flown { gap, ..flown }, None)
+            }
+            // It may hold for want of set points, and would leave that for new ones.
+            Phase::Flying if holds && !flown.gap => (flown.aside(), Some(Taken::ByFailsafe)),
+            Phase::Aside if steered => (flown.in_phase(Phase::Flying), Some(Taken::Back)),
+            Phase::Aside if holds => return None,
+            Phase::Flying | Phase::Aside => return self.end(),
+        };
+        self.flown = Some(flown);
+        taken
+    }
+
+    fn end<T>(&mut self) -> Option<T> {
+        self.release();
+        None
+    }
+
+    /// The set point that is due.
     pub(super) fn advance(
         &mut self,
         now: Duration,
@@ -231,23 +328,6 @@ impl Steering {
         }
         let vehicle = &state.telemetry;
         let flown = self.flown.as_mut()?;
-        let steered = vehicle.mode == Some(Px4Mode::OFFBOARD);
-        // Not before the mode was entered: HEARTBEAT shows the previous mode for up to a second.
-        if flown.entered && !steered {
-            self.flown = None;
-            return None;
-        }
-        let arrived = flown.given_up.is_some_and(|until| until <= now);
-        if arrived
-            && state
-                .settled_mode()
-                .is_some_and(|mode| mode != Px4Mode::OFFBOARD)
-        {
-            self.flown = None;
-            return None;
-        }
-        // A report from before the command may show an earlier OFFBOARD.
-        flown.entered |= steered && state.state_is_newer_than_command();
         // PX4 has taken the gap for a loss, and would leave its failsafe for these set points.
         if state.awaits_mode() {
             (flown.due, flown.last) = (now + PERIOD, now);
@@ -265,7 +345,7 @@ impl Steering {
         };
         // A turn begins with the mode, not with the set points that precede it.
         if let Direction::Turning(rate) = flown.direction
-            && flown.entered
+            && flown.phase == Phase::Flying
         {
             flown.nose = (flown.nose + rate * span).rem_euclid(TAU);
             flown.track = (flown.track + rate * span).rem_euclid(TAU);
@@ -311,9 +391,29 @@ fn present(now: Duration, vehicle: &Telemetry) -> Result<Flown, String> {
         },
         due: now,
         last: now,
-        entered: false,
+        phase: Phase::Entering { aside: false },
+        gap: false,
         given_up: None,
     })
+}
+
+impl Flown {
+    fn in_phase(self, phase: Phase) -> Flown {
+        Flown { phase, ..self }
+    }
+
+    /// It stands still, and keeps its nose.
+    fn aside(self) -> Flown {
+        let (nose, track) = (self.nose, self.track);
+        Flown {
+            speed_m_s: 0.0,
+            direction: Direction::Steady { nose, track },
+            vertical: Vertical::Rate(0.0),
+            phase: Phase::Aside,
+            given_up: None,
+            ..self
+        }
+    }
 }
 
 /// Metres a second upwards.

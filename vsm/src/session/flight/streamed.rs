@@ -4,7 +4,7 @@ use mapping::mode::Px4Mode;
 use stanag_msgs::enums::RouteType;
 
 use super::curve_stream::{Input, Order, StreamContext};
-use super::{Context, Flight};
+use super::{Context, Flight, STANDS_STILL, holds_as_failsafe};
 use crate::session::context::Origin;
 use crate::session::effects::Effects;
 use crate::session::maneuver::{self, Maneuver};
@@ -51,7 +51,14 @@ impl Flight {
             curving: context.parameters.curving(context),
             commanded_mps: self.commanded.speed_m_s,
         };
-        let Some(order) = self.curve_stream.handle(&stream, input, effects) else {
+        let streamed = self.curve_stream.is_streaming();
+        let order = self.curve_stream.handle(&stream, input, effects);
+        let ended = input == Input::Advance && !self.curve_stream.is_flown();
+        if streamed && ended && holds_as_failsafe(vehicle) {
+            self.steering.stand_aside(context.mono(), telemetry);
+            effects.warn_of_link(STANDS_STILL);
+        }
+        let Some(order) = order else {
             return;
         };
         let modes: &'static [Px4Mode] = match order {

@@ -16,7 +16,7 @@ use mapping::telemetry::{LandedState, MissionProgress};
 use mavlink_link::dialect::{MavCmd, MavResult, MavState, MavType, MissionState};
 use stanag_msgs::TimeStamp;
 use stanag_msgs::enums::HeadingCommandType;
-use stanag_msgs::scalar::Bam16;
+use stanag_msgs::scalar::{Bam16, Scaled};
 
 use super::*;
 use crate::config::OnLoss;
@@ -128,4 +128,16 @@ pub(super) fn watch(world: &mut World, flight: &mut Flight, seconds: u64) -> Vec
         handle(world, flight, Input::Advance);
     }
     world.commanded_modes()
+}
+
+/// How many alerts with this in their first part station 0 was sent.
+fn alerts_of(world: &mut World, what: &str) -> usize {
+    let says_so = |message: &&Message| match message {
+        Message::SubsystemStatusAlert(alert) => {
+            let text = alert.text.as_ref().map(|text| text.as_str());
+            text.is_some_and(|text| text.contains(what))
+        }
+        _ => false,
+    };
+    world.sent_to(0).iter().filter(says_so).count()
 }

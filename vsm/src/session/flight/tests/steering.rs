@@ -146,3 +146,151 @@ fn set_points_continue_while_a_superseded_mode_15_may_still_be_entered() {
         assert!(world.posts().is_empty() && !steers(&world, &flight));
     }
 }
+
+/// PX4 keeps OFFBOARD as the mode that was chosen while its failsafe holds, at a fence for example, and would return out of that for want
+/// of set points.
+#[test]
+fn set_points_stand_still_while_a_failsafe_holds_and_end_otherwise() {
+    use MavState::{MAV_STATE_ACTIVE as ACTIVE, MAV_STATE_CRITICAL as CRITICAL};
+    for (shown, status, gap, continues) in [
+        (Px4Mode::LOITER, CRITICAL, false, true),
+        (Px4Mode::LOITER, ACTIVE, false, false),
+        (Px4Mode::RTL, CRITICAL, false, false),
+        (Px4Mode::POSCTL, CRITICAL, false, false),
+        // It may hold for that, and would leave it.
+        (Px4Mode::LOITER, CRITICAL, true, false),
+    ] {
+        let (mut world, mut flight) = fast();
+        if gap {
+            flight.postpone(Duration::from_secs(2));
+        }
+        world.sent_to(0);
+        fails_over(&mut world, shown, status);
+        let sent = streamed(&mut world, &mut flight, 40);
+        assert_eq!(sent.len(), if continues { 40 } else { 0 }, "{shown:?}");
+        assert!(sent.iter().all(stands_still));
+        let named = alerts_of(&mut world, "set points stand still");
+        assert_eq!(named, usize::from(continues));
+        assert_eq!(steers(&world, &flight), continues);
+    }
+}
+
+#[test]
+fn a_mode_15_that_is_commanded_while_a_failsafe_holds_steers_again_and_its_refusal_leaves_set_points_that_stand_still()
+ {
+    for refused in [true, false] {
+        let (mut world, mut flight) = fast();
+        fails_over(&mut world, Px4Mode::LOITER, MavState::MAV_STATE_CRITICAL);
+        // By then it is a new command.
+        streamed(&mut world, &mut flight, 120);
+        fails_over(&mut world, Px4Mode::LOITER, MavState::MAV_STATE_CRITICAL);
+        let faster = VehicleOperatingModeCommand {
+            commanded_speed: Scaled::from_si(3.0).ok(),
+            ..turn_to(1.0)
+        };
+        assert_eq!(
+            command(&mut world, &mut flight, faster),
+            [AckType::Received]
+        );
+        assert_eq!(world.commanded_modes(), [Px4Mode::OFFBOARD]);
+        assert!(!stands_still(&world.posts()[0]));
+        if refused {
+            answer_mode(&mut world, &mut flight, DENIED);
+        } else {
+            world.vehicle.telemetry.system_status = Some(MavState::MAV_STATE_ACTIVE);
+            world.show_mode(Px4Mode::OFFBOARD);
+            let answers = answer_mode(&mut world, &mut flight, ACCEPTED);
+            assert_eq!(answers, [AckType::CarriedOut]);
+        }
+        world.posts();
+        let sent = streamed(&mut world, &mut flight, 80);
+        assert_eq!(sent.len(), 80, "{refused}");
+        assert!(sent.iter().all(|one| stands_still(one) == refused));
+    }
+}
+
+#[test]
+fn another_mode_ends_set_points_that_stand_still_once_it_is_entered() {
+    for (commanded, mode) in [
+        (Mode::Loiter, Px4Mode::LOITER),
+        (Mode::AutolandEngage, Px4Mode::LAND),
+    ] {
+        let (mut world, mut flight) = fast();
+        for refused in [true, false] {
+            fails_over(&mut world, Px4Mode::LOITER, MavState::MAV_STATE_CRITICAL);
+            // It is a new command after such a pause.
+            streamed(&mut world, &mut flight, 120);
+            fails_over(&mut world, Px4Mode::LOITER, MavState::MAV_STATE_CRITICAL);
+            command(&mut world, &mut flight, select(commanded));
+            assert_eq!(world.commanded_modes().last(), Some(&mode), "{mode:?}");
+            world.command_was_sent();
+            assert_eq!(streamed(&mut world, &mut flight, 60).len(), 60);
+            if refused {
+                answer_mode(&mut world, &mut flight, DENIED);
+            } else {
+                world.show_mode(mode);
+                answer_mode(&mut world, &mut flight, ACCEPTED);
+            }
+            world.posts();
+            let sent = streamed(&mut world, &mut flight, 60);
+            assert_eq!(sent.len(), if refused { 60 } else { 0 }, "{mode:?}");
+        }
+        assert!(!steers(&world, &flight));
+    }
+}
+
+/// A pilot may have switched it back, or PX4: nothing tells which.
+#[test]
+fn a_vehicle_that_shows_the_mode_again_hovers_until_it_is_commanded() {
+    let (mut world, mut flight) = fast();
+    fails_over(&mut world, Px4Mode::LOITER, MavState::MAV_STATE_CRITICAL);
+    streamed(&mut world, &mut flight, 20);
+    world.sent_to(0);
+    fails_over(&mut world, Px4Mode::OFFBOARD, MavState::MAV_STATE_ACTIVE);
+    let sent = streamed(&mut world, &mut flight, 150);
+    assert_eq!(sent.len(), 150);
+    assert!(sent.iter().all(stands_still));
+    assert_eq!(alerts_of(&mut world, "in OFFBOARD again"), 1);
+    command(&mut world, &mut flight, turn_to(2.0));
+    assert_eq!(world.commanded_modes(), [], "it is in the mode");
+    let posts = streamed(&mut world, &mut flight, 1);
+    let Some(MavMessage::SET_POSITION_TARGET_LOCAL_NED(turned)) = posts.last() else {
+        panic!("a set point, not {posts:?}");
+    };
+    assert!((turned.yaw - 2.0).abs() < 1e-3 && stands_still(&posts[0]));
+}
+
+/// Steered at 5 m/s.
+fn fast() -> (World, Flight) {
+    let (mut world, mut flight) = steered();
+    let faster = VehicleOperatingModeCommand {
+        commanded_speed: Scaled::from_si(5.0).ok(),
+        ..turn_to(0.0)
+    };
+    command(&mut world, &mut flight, faster);
+    assert!(!stands_still(&streamed(&mut world, &mut flight, 1)[0]));
+    (world, flight)
+}
+
+fn fails_over(world: &mut World, mode: Px4Mode, status: MavState) {
+    world.vehicle.telemetry.system_status = Some(status);
+    world.show_mode(mode);
+}
+
+/// What is sent in so many periods of the set points.
+fn streamed(world: &mut World, flight: &mut Flight, periods: u32) -> Vec<MavMessage> {
+    let mut sent = Vec::new();
+    for _ in 0..periods {
+        world.advance(Duration::from_millis(50));
+        handle(world, flight, Input::Advance);
+        sent.extend(world.posts());
+    }
+    sent
+}
+
+fn stands_still(message: &MavMessage) -> bool {
+    match message {
+        MavMessage::SET_POSITION_TARGET_LOCAL_NED(one) => [one.vx, one.vy, one.vz] == [0.0; 3],
+        other => panic!("a set point, not {other:?}"),
+    }
+}

@@ -182,18 +182,6 @@ fn a_mode_that_ends_the_sticks_is_commanded_again_once_they_are_missed_but_not_o
     }
 }
 
-/// How many alerts with this in their first part station 0 was sent.
-fn alerts_of(world: &mut World, what: &str) -> usize {
-    let says_so = |message: &&Message| match message {
-        Message::SubsystemStatusAlert(alert) => {
-            let text = alert.text.as_ref().map(|text| text.as_str());
-            text.is_some_and(|text| text.contains(what))
-        }
-        _ => false,
-    };
-    world.sent_to(0).iter().filter(says_so).count()
-}
-
 /// A 2010 whose acknowledgement is read with the alerts.
 fn send_sticks(world: &mut World, flight: &mut Flight) {
     let message = sticks().into();
