@@ -3,9 +3,9 @@
 //! -p vsm --bench flight`.
 //!
 //! The stick's time is from the 2010 that leaves the CUCS until its MANUAL_CONTROL is at the vehicle's socket, where a relay in
-//! this process looks at the frames. Of the route there are two times: of what is alike on both sides, from 13000 until 14000 reports
-//! the route as loaded, in which the bridge uploads and reads back; and all of it, with the 500 messages from the CUCS before.
-//! Everything is signed.
+//! this process looks at the frames. Of the route there are three times: all of it, from the first of the 500 messages of the CUCS until
+//! 14000 reports the route as loaded; of it, what follows 13000; and of that what is alike on both sides, from the MISSION_COUNT of the
+//! upload to the MISSION_ACK for the last item that was read back, by the same relay. Everything is signed.
 
 #![allow(missing_docs, reason = "a bench has no callers")]
 #![allow(clippy::print_stdout, reason = "figures are printed")]
@@ -23,7 +23,7 @@ use kit::Random;
 use kit::clock::wall;
 use kit::measure::{Spread, in_turns, pace, quantile};
 use kit::process::{Running, hex, write_key};
-use mavlink_link::dialect::MavMessage;
+use mavlink_link::dialect::{MavMessage, MavMissionType};
 use mavlink_link::frame::FrameView;
 use mavlink_link::signing::{SigningKey, Stamp};
 use px4_sim::{LinkAddress, Mode, Simulator, SimulatorConfig};
@@ -121,12 +121,15 @@ fn simulator(runtime: &Runtime, to: SocketAddr) -> Simulator {
     simulator.expect("it starts")
 }
 
-/// Carries datagrams between the vehicle and the bridge, and notes each MANUAL_CONTROL on its way.
+/// Carries datagrams between the vehicle and the bridge, and notes each MANUAL_CONTROL on its way, and the ends of a transfer.
 struct Relay {
     /// Where the vehicle sends to.
     air: SocketAddr,
     /// When a lateral stick of this value arrived.
     sticks: Arc<Mutex<Vec<(i16, Instant)>>>,
+    /// When the last MISSION_COUNT and MISSION_ACK of the bridge came, for a mission.
+    counted: Arc<Mutex<Option<Instant>>>,
+    read_back: Arc<Mutex<Option<Instant>>>,
 }
 
 impl Relay {
@@ -150,6 +153,8 @@ impl Relay {
             }
         });
         let noted = Arc::clone(&sticks);
+        let [counted, read_back] = [(); 2].map(|()| Arc::new(Mutex::new(None)));
+        let (counts, ends) = (Arc::clone(&counted), Arc::clone(&read_back));
         std::thread::spawn(move || {
             let mut bytes = [0; 2_048];
             loop {
@@ -158,15 +163,37 @@ impl Relay {
                 };
                 let now = Instant::now();
                 let message = FrameView::parse(&bytes[..length]).map(|frame| frame.message());
-                if let Ok(Ok(MavMessage::MANUAL_CONTROL(sticks))) = message {
-                    noted.lock().expect("no panic").push((sticks.y, now));
+                match message {
+                    Ok(Ok(MavMessage::MANUAL_CONTROL(sticks))) => {
+                        noted.lock().expect("no panic").push((sticks.y, now));
+                    }
+                    Ok(Ok(MavMessage::MISSION_COUNT(one))) if one.mission_type == MISSION => {
+                        *counts.lock().expect("no panic") = Some(now);
+                    }
+                    Ok(Ok(MavMessage::MISSION_ACK(one))) if one.mission_type == MISSION => {
+                        *ends.lock().expect("no panic") = Some(now);
+                    }
+                    _ => {}
                 }
                 if let Some(to) = *vehicle.lock().expect("no panic") {
                     up.send_to(&bytes[..length], to).expect("it is sent");
                 }
             }
         });
-        Relay { air: at, sticks }
+        Relay {
+            air: at,
+            sticks,
+            counted,
+            read_back,
+        }
+    }
+
+    /// How long the upload of a mission and its read-back took, s.
+    fn transferred_s(&self) -> f64 {
+        let [begun, ended] =
+            [&self.counted, &self.read_back].map(|one| one.lock().expect("no panic").take());
+        let took = ended.zip(begun).map(|(ended, begun)| ended - begun);
+        took.expect("an upload and its read-back").as_secs_f64()
     }
 }
 
@@ -196,19 +223,21 @@ fn waypoints(world: &mut World) {
             .map(|all| all[part])
             .collect()
     };
-    let (whole, load, beside) = (times(0, 0), times(0, 1), times(1, 0));
+    let [whole, load, transfer] = [0, 1, 2].map(|part| times(0, part));
+    let beside = times(1, 0);
     println!("| {WAYPOINTS} waypoints, signed, s | time | of pymavlink's |");
     println!("|---|---|---|");
     let rows = [
         (
             "from the CUCS through the bridge, until 14000 reports them loaded",
-            "waypoints-of-pymavlink",
+            Some("waypoints-of-pymavlink"),
             &whole,
         ),
+        ("of which from 13000 on", None, &load),
         (
             "of which the bridge uploads and reads back",
-            "waypoints-load-of-pymavlink",
-            &load,
+            Some("waypoints-transfer-of-pymavlink"),
+            &transfer,
         ),
     ];
     let mut figures = Vec::new();
@@ -216,7 +245,7 @@ fn waypoints(world: &mut World) {
         let ratio = (!beside.is_empty()).then(|| Spread::of_ratios(times, &beside));
         let shown = ratio.map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
         println!("| {what} | {:.2} | {shown} |", Spread::of(times));
-        figures.extend(ratio.map(|ratio| ratio.figure(name)));
+        figures.extend(ratio.zip(name).map(|(ratio, name)| ratio.figure(name)));
     }
     if !beside.is_empty() {
         println!(
@@ -233,18 +262,20 @@ enum Uploader<'a> {
 }
 
 impl Uploader<'_> {
-    /// All of it, and what the bridge needs of it to upload and read back; s.
-    fn upload(&mut self, altitude_m: f64) -> [f64; 2] {
+    /// All of it, what follows 13000, and the upload with its read-back; s.
+    fn upload(&mut self, altitude_m: f64) -> [f64; 3] {
         match self {
             Uploader::Bridge(world) => {
                 let World {
                     station,
                     foreground,
+                    relay,
                     ..
                 } = &mut **world;
-                foreground.block_on(upload(station, altitude_m))
+                let [whole, load] = foreground.block_on(upload(station, altitude_m));
+                [whole, load, relay.transferred_s()]
             }
-            Uploader::Pymavlink(peer) => [peer.upload(altitude_m); 2],
+            Uploader::Pymavlink(peer) => [peer.upload(altitude_m); 3],
         }
     }
 }
@@ -475,6 +506,7 @@ impl Pilot {
     }
 }
 
+const MISSION: MavMissionType = MavMissionType::MAV_MISSION_TYPE_MISSION;
 const TURNS: usize = 5;
 const WAYPOINTS: u16 = 500;
 const STICKS_HZ: u32 = 50;

@@ -125,7 +125,7 @@ const GOALS: [Goal; 16] = [
     ),
     goal(
         "of which upload and read-back by the bridge",
-        "waypoints-load-of-pymavlink",
+        "waypoints-transfer-of-pymavlink",
         1.3,
         "",
     ),

@@ -4,7 +4,8 @@ use mapping::mode::Px4Mode;
 use stanag_msgs::enums::RouteType;
 
 use super::curve_stream::{Input, Order, StreamContext};
-use super::{Context, Flight, STANDS_STILL, holds_as_failsafe};
+use super::streams::{STANDS_STILL, holds_as_failsafe};
+use super::{Context, Flight};
 use crate::session::context::Origin;
 use crate::session::effects::Effects;
 use crate::session::maneuver::{self, Maneuver};

@@ -13,11 +13,13 @@ mod taken;
 
 use mapping::route::CompiledMission;
 use mapping::telemetry::{LandedState, MissionProgress};
-use mavlink_link::dialect::{MavCmd, MavResult, MavState, MavType, MissionState};
+use mavlink_link::dialect::{MavCmd, MavMessage, MavResult, MavState, MavType, MissionState};
 use stanag_msgs::TimeStamp;
-use stanag_msgs::enums::HeadingCommandType;
+use stanag_msgs::enums::{AckType, HeadingCommandType, RouteType};
+use stanag_msgs::messages::{EngineCommand, UaStickCommand};
 use stanag_msgs::scalar::{Bam16, Scaled};
 
+use super::sticks::SEEN_WITHIN;
 use super::*;
 use crate::config::OnLoss;
 use crate::session::mission::record::UploadedMission;
