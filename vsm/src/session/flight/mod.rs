@@ -279,7 +279,6 @@ impl Flight {
 
     /// The bridge did not run for so long: what the vehicle has shown meanwhile is not read yet.
     pub(crate) fn postpone(&mut self, stopped: Duration) {
-        self.steering.note_gap();
         for maneuver in self.waits() {
             maneuver.postpone(stopped);
         }
@@ -290,7 +289,6 @@ impl Flight {
 
     /// The bridge did not run for too long: what was commanded before is not carried out any more.
     pub(crate) fn lapse(&mut self, now: Duration, services: &mut Services) {
-        self.steering.note_gap();
         for maneuver in self.waits() {
             maneuver.lapse(now, services);
         }

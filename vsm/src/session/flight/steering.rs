@@ -4,7 +4,8 @@
 //! a gap of a second as a loss and returns. While no data of the vehicle arrives they continue, level, for at most
 //! [`LONGEST_BLIND`]; after a stop of the bridge there are none before the vehicle has shown its mode. Where PX4's failsafe puts the
 //! vehicle on hold, as at a fence with GF_ACTION 2, it keeps OFFBOARD as the mode that was chosen, and would return for want of set
-//! points: they continue, and stand still ([`Phase::Aside`]), unless the bridge did not run, since it may hold for that. Values that a command
+//! points: they continue, and stand still ([`Phase::Aside`]). Not where COM_OBL_RC_ACT is 5, or is not known: there it holds for want of
+//! set points too, and would leave that for new ones. Values that a command
 //! leaves out stay unchanged; on entering the mode they are the vehicle's present ones. Multicopters only: PX4 does not steer a fixed wing by such set points.
 //!
 //! | 2016 | flown as |
@@ -151,8 +152,6 @@ struct Flown {
     due: Duration,
     last: Duration,
     phase: Phase,
-    /// The bridge did not run, and the vehicle has not shown the mode since.
-    gap: bool,
     /// The mode was given up; the vehicle may still receive its command until this time.
     given_up: Option<Duration>,
 }
@@ -165,6 +164,8 @@ enum Phase {
     Flying,
     /// PX4's failsafe holds the vehicle, and would return for want of set points: these stand still.
     Aside,
+    /// After that, the vehicle shows the mode again, by itself or by a pilot. They still stand still.
+    Back,
 }
 
 /// Who has the vehicle after a call, where that has changed without a command.
@@ -185,7 +186,11 @@ impl Steering {
     /// The mode is to be entered, whatever the vehicle reported last: earlier steering no longer applies, but orders
     /// received while entering the mode do.
     pub(super) fn enter_again(&mut self) {
-        self.flown = self.flown.filter(|flown| flown.phase != Phase::Flying);
+        self.flown = self.flown.and_then(|flown| match flown.phase {
+            Phase::Flying => None,
+            Phase::Back => Some(flown.aside()),
+            Phase::Entering { .. } | Phase::Aside => Some(flown),
+        });
     }
 
     /// The mode is commanded once more after the vehicle has shown it: a report of another one does not end the set points.
@@ -225,6 +230,9 @@ impl Steering {
                 flown
             }
         };
+        if flown.phase == Phase::Back {
+            flown.phase = Phase::Flying;
+        }
         // A new order wants the mode after all: its set points must not end with those of the earlier one.
         flown.given_up = None;
         flown.speed_m_s = order.speed_m_s.unwrap_or(flown.speed_m_s);
@@ -244,13 +252,6 @@ impl Steering {
         self.flown = None;
     }
 
-    /// The bridge did not run for so long that PX4 may have missed set points.
-    pub(super) fn note_gap(&mut self) {
-        if let Some(flown) = &mut self.flown {
-            flown.gap = true;
-        }
-    }
-
     /// PX4's failsafe holds a vehicle that was in the mode by the set points of a curve.
     pub(super) fn stand_aside(&mut self, now: Duration, vehicle: &Telemetry) {
         self.flown = present(now, vehicle).ok().map(Flown::aside);
@@ -259,7 +260,7 @@ impl Steering {
     /// The vehicle has refused a command, in another mode than that of the set points, which it was not to enter or has not.
     pub(super) fn refused(&mut self) {
         self.flown = self.flown.and_then(|flown| match flown.phase {
-            Phase::Aside | Phase::Entering { aside: true } => Some(flown.aside()),
+            Phase::Aside | Phase::Back | Phase::Entering { aside: true } => Some(flown.aside()),
             Phase::Entering { aside: false } | Phase::Flying => None,
         });
     }
@@ -269,7 +270,12 @@ impl Steering {
         self.flown = self.flown.filter(|flown| flown.phase != Phase::Aside);
     }
 
-    /// Notes the mode that the vehicle shows; `holds`: by a failsafe of PX4. The stream ends when the vehicle has left the mode otherwise.
+    /// Whether a failsafe has taken the vehicle, and nobody has commanded the mode since.
+    pub(super) fn is_aside(&self) -> bool {
+        (self.flown).is_some_and(|flown| matches!(flown.phase, Phase::Aside | Phase::Back))
+    }
+
+    /// Notes the mode that the vehicle shows; `holds`: by a failsafe of PX4 that would act for want of set points. The stream ends when the vehicle has left the mode otherwise.
     pub(super) fn note_mode(
         &mut self,
         now: Duration,
@@ -292,15 +298,12 @@ impl Steering {
                     true => return self.end(),
                 }
             }
-            Phase::Flying if steered => {
-                let gap = flown.gap && state.awaits_mode();
-                (Flown { gap, ..flown }, None)
-            }
-            // It may hold for want of set points, and would leave that for new ones.
-            Phase::Flying if holds && !flown.gap => (flown.aside(), Some(Taken::ByFailsafe)),
-            Phase::Aside if steered => (flown.in_phase(Phase::Flying), Some(Taken::Back)),
+            _ if state.telemetry.armed == Some(false) => return self.end(),
+            Phase::Flying | Phase::Back if steered => return None,
+            Phase::Aside if steered => (flown.in_phase(Phase::Back), Some(Taken::Back)),
+            Phase::Flying | Phase::Back if holds => (flown.aside(), Some(Taken::ByFailsafe)),
             Phase::Aside if holds => return None,
-            Phase::Flying | Phase::Aside => return self.end(),
+            Phase::Flying | Phase::Aside | Phase::Back => return self.end(),
         };
         self.flown = Some(flown);
         taken
@@ -392,7 +395,6 @@ fn present(now: Duration, vehicle: &Telemetry) -> Result<Flown, String> {
         due: now,
         last: now,
         phase: Phase::Entering { aside: false },
-        gap: false,
         given_up: None,
     })
 }

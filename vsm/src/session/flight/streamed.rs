@@ -4,7 +4,7 @@ use mapping::mode::Px4Mode;
 use stanag_msgs::enums::RouteType;
 
 use super::curve_stream::{Input, Order, StreamContext};
-use super::streams::{STANDS_STILL, holds_as_failsafe};
+use super::streams::{STANDS_STILL, holds_for_set_points};
 use super::{Context, Flight};
 use crate::session::context::Origin;
 use crate::session::effects::Effects;
@@ -55,7 +55,7 @@ impl Flight {
         let streamed = self.curve_stream.is_streaming();
         let order = self.curve_stream.handle(&stream, input, effects);
         let ended = input == Input::Advance && !self.curve_stream.is_flown();
-        if streamed && ended && holds_as_failsafe(vehicle) {
+        if streamed && ended && holds_for_set_points(context) {
             self.steering.stand_aside(context.mono(), telemetry);
             effects.warn_of_link(STANDS_STILL);
         }

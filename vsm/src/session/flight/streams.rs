@@ -84,7 +84,7 @@ impl Flight {
         if self.maneuver.as_ref().is_some_and(again) {
             self.steering.enter_once_more();
         }
-        let holds = holds_as_failsafe(context.vehicle);
+        let holds = holds_for_set_points(context);
         match (self.steering).note_mode(context.mono(), context.vehicle, holds) {
             Some(Taken::ByFailsafe) => effects.warn_of_link(STANDS_STILL),
             Some(Taken::Back) => effects.warn_of_link(
@@ -112,9 +112,12 @@ pub(super) fn flies_failsafe(vehicle: &VehicleState) -> Option<Px4Mode> {
     }
 }
 
-/// Whether PX4 holds the vehicle as its failsafe.
-pub(super) fn holds_as_failsafe(vehicle: &VehicleState) -> bool {
-    flies_failsafe(vehicle) == Some(Px4Mode::LOITER)
+/// Whether PX4 holds the vehicle as its failsafe, and would act for want of set points. A PX4 that holds for that (COM_OBL_RC_ACT 5) may do so
+/// already, and would leave its hold for new ones.
+pub(super) fn holds_for_set_points(context: &Context<'_>) -> bool {
+    let acts = context.parameters.get("COM_OBL_RC_ACT");
+    flies_failsafe(context.vehicle) == Some(Px4Mode::LOITER)
+        && acts.is_some_and(|action| action != HOLD)
 }
 
 /// Reports that centred sticks are sent in place of those that come.
@@ -127,4 +130,6 @@ pub(super) fn advise_centred(failsafe: Px4Mode, effects: &mut Effects<'_>) {
 }
 
 pub(super) const STANDS_STILL: &str = "the vehicle holds as its failsafe, and is not steered: set points stand still as long as it does, since it \
-                            would return for want of them; command mode 15 (autopilot) again to steer it, or another mode";
+                            would act for want of them too; command mode 15 (autopilot) again to steer it, or another mode";
+/// COM_OBL_RC_ACT.
+const HOLD: f64 = 5.0;

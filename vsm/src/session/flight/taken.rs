@@ -40,6 +40,10 @@ impl Flight {
             let keeps = |other: &Other| {
                 matches!(other, Other::Pilot(_)) || *other == Other::Failsafe(Px4Mode::LOITER)
             };
+            // It has left its failsafe without a command.
+            if self.steering.is_aside() {
+                return Some("the vehicle is in OFFBOARD again by itself or by a pilot".to_owned());
+            }
             let other = self.other(vehicle, now).filter(keeps);
             return other.map(|other| other.to_string());
         }

@@ -152,18 +152,17 @@ fn set_points_continue_while_a_superseded_mode_15_may_still_be_entered() {
 #[test]
 fn set_points_stand_still_while_a_failsafe_holds_and_end_otherwise() {
     use MavState::{MAV_STATE_ACTIVE as ACTIVE, MAV_STATE_CRITICAL as CRITICAL};
-    for (shown, status, gap, continues) in [
-        (Px4Mode::LOITER, CRITICAL, false, true),
-        (Px4Mode::LOITER, ACTIVE, false, false),
-        (Px4Mode::RTL, CRITICAL, false, false),
-        (Px4Mode::POSCTL, CRITICAL, false, false),
-        // It may hold for that, and would leave it.
-        (Px4Mode::LOITER, CRITICAL, true, false),
+    for (shown, status, without, continues) in [
+        (Px4Mode::LOITER, CRITICAL, Some(0.0), true),
+        (Px4Mode::LOITER, CRITICAL, Some(3.0), true),
+        (Px4Mode::LOITER, ACTIVE, Some(0.0), false),
+        (Px4Mode::RTL, CRITICAL, Some(0.0), false),
+        (Px4Mode::POSCTL, CRITICAL, Some(0.0), false),
+        // It may hold for want of set points, and would leave that.
+        (Px4Mode::LOITER, CRITICAL, Some(5.0), false),
+        (Px4Mode::LOITER, CRITICAL, None, false),
     ] {
-        let (mut world, mut flight) = fast();
-        if gap {
-            flight.postpone(Duration::from_secs(2));
-        }
+        let (mut world, mut flight) = fast(without);
         world.sent_to(0);
         fails_over(&mut world, shown, status);
         let sent = streamed(&mut world, &mut flight, 40);
@@ -176,10 +175,36 @@ fn set_points_stand_still_while_a_failsafe_holds_and_end_otherwise() {
 }
 
 #[test]
+fn set_points_end_as_the_vehicle_is_disarmed_and_go_on_where_it_is_back_in_the_mode() {
+    for held in [false, true] {
+        let (mut world, mut flight) = fast(Some(0.0));
+        if held {
+            fails_over(&mut world, Px4Mode::LOITER, MavState::MAV_STATE_CRITICAL);
+            assert_eq!(streamed(&mut world, &mut flight, 5).len(), 5);
+        }
+        world.sent_to(0);
+        world.vehicle.telemetry.armed = Some(false);
+        // PX4 shows the mode that was chosen, on the ground too.
+        fails_over(&mut world, Px4Mode::OFFBOARD, MavState::MAV_STATE_STANDBY);
+        assert_eq!(streamed(&mut world, &mut flight, 5), []);
+        assert_eq!(alerts_of(&mut world, "in OFFBOARD again"), 0);
+    }
+    let (mut world, mut flight) = fast(Some(0.0));
+    for (mode, status) in [
+        (Px4Mode::LOITER, MavState::MAV_STATE_CRITICAL),
+        (Px4Mode::OFFBOARD, MavState::MAV_STATE_ACTIVE),
+    ] {
+        fails_over(&mut world, mode, status);
+        assert_eq!(streamed(&mut world, &mut flight, 20).len(), 20);
+    }
+    assert_eq!(alerts_of(&mut world, "in OFFBOARD again"), 1);
+}
+
+#[test]
 fn a_mode_15_that_is_commanded_while_a_failsafe_holds_steers_again_and_its_refusal_leaves_set_points_that_stand_still()
  {
     for refused in [true, false] {
-        let (mut world, mut flight) = fast();
+        let (mut world, mut flight) = fast(Some(0.0));
         fails_over(&mut world, Px4Mode::LOITER, MavState::MAV_STATE_CRITICAL);
         // By then it is a new command.
         streamed(&mut world, &mut flight, 120);
@@ -215,7 +240,7 @@ fn another_mode_ends_set_points_that_stand_still_once_it_is_entered() {
         (Mode::Loiter, Px4Mode::LOITER),
         (Mode::AutolandEngage, Px4Mode::LAND),
     ] {
-        let (mut world, mut flight) = fast();
+        let (mut world, mut flight) = fast(Some(0.0));
         for refused in [true, false] {
             fails_over(&mut world, Px4Mode::LOITER, MavState::MAV_STATE_CRITICAL);
             // It is a new command after such a pause.
@@ -241,16 +266,25 @@ fn another_mode_ends_set_points_that_stand_still_once_it_is_entered() {
 
 /// A pilot may have switched it back, or PX4: nothing tells which.
 #[test]
-fn a_vehicle_that_shows_the_mode_again_hovers_until_it_is_commanded() {
-    let (mut world, mut flight) = fast();
+fn a_vehicle_that_shows_the_mode_again_hovers_until_it_is_commanded_anew() {
+    let (mut world, mut flight) = fast(Some(0.0));
+    let mut repeats = |world: &mut World| {
+        let mut sent = Vec::new();
+        for turn in 0..10 {
+            let answers = command(world, &mut flight, turn_to(0.1 * f64::from(turn)));
+            assert_eq!(answers, [AckType::Received, AckType::Refused]);
+            sent.extend(streamed(world, &mut flight, 10));
+        }
+        sent
+    };
     fails_over(&mut world, Px4Mode::LOITER, MavState::MAV_STATE_CRITICAL);
-    streamed(&mut world, &mut flight, 20);
-    world.sent_to(0);
+    assert!(repeats(&mut world).iter().all(stands_still));
     fails_over(&mut world, Px4Mode::OFFBOARD, MavState::MAV_STATE_ACTIVE);
-    let sent = streamed(&mut world, &mut flight, 150);
-    assert_eq!(sent.len(), 150);
+    assert!(repeats(&mut world).iter().all(stands_still));
+    fails_over(&mut world, Px4Mode::OFFBOARD, MavState::MAV_STATE_ACTIVE);
+    let sent = streamed(&mut world, &mut flight, 101);
+    assert_eq!(sent.len(), 101);
     assert!(sent.iter().all(stands_still));
-    assert_eq!(alerts_of(&mut world, "in OFFBOARD again"), 1);
     command(&mut world, &mut flight, turn_to(2.0));
     assert_eq!(world.commanded_modes(), [], "it is in the mode");
     let posts = streamed(&mut world, &mut flight, 1);
@@ -260,9 +294,12 @@ fn a_vehicle_that_shows_the_mode_again_hovers_until_it_is_commanded() {
     assert!((turned.yaw - 2.0).abs() < 1e-3 && stands_still(&posts[0]));
 }
 
-/// Steered at 5 m/s.
-fn fast() -> (World, Flight) {
+/// Steered at 5 m/s; `without` set points it acts by this COM_OBL_RC_ACT.
+fn fast(without: Option<f64>) -> (World, Flight) {
     let (mut world, mut flight) = steered();
+    if let Some(without) = without {
+        world.parameters.set("COM_OBL_RC_ACT", without);
+    }
     let faster = VehicleOperatingModeCommand {
         commanded_speed: Scaled::from_si(5.0).ok(),
         ..turn_to(0.0)
