@@ -328,6 +328,42 @@ fn a_failsafe_that_takes_the_vehicle_from_the_sticks_keeps_it_while_they_come() 
     }
 }
 
+/// A hold at the fence is not left for the loss of set points, of which PX4 keeps the mode. Where it holds for want of them too it gets none.
+#[test]
+fn a_failsafe_that_takes_a_steered_vehicle_keeps_it() {
+    for (without, come) in [(0.0, true), (3.0, true), (5.0, false)] {
+        let mut rig = Rig::ready_with(Setup {
+            vehicles: vec![px4_sim::Config {
+                params: vec![
+                    (px4_sim::Param::GF_MAX_HOR_DIST, 40.0),
+                    (px4_sim::Param::COM_OBL_RC_ACT, without),
+                ],
+                ..px4_sim::Config::default()
+            }],
+            ..Setup::default()
+        });
+        rig.take_off(20.0);
+        let to = |degrees| VehicleOperatingModeCommand {
+            heading_command_type: Some(HeadingCommandType::Course),
+            commanded_course: Some(Bam16::from_degrees(degrees)),
+            commanded_speed: Some(Scaled::saturating_from_si(4.0)),
+            ..steer()
+        };
+        rig.done(to(90.0));
+        assert!(rig.until(30.0, |rig| rig.truth().mode == Px4::Loiter));
+        for _ in 0..60 {
+            rig.run(1.0);
+            assert_eq!(rig.truth().mode, Px4::Loiter, "{without}");
+        }
+        assert_eq!(rig.station().has_alert("set points stand still"), come);
+        rig.done(to(270.0));
+        assert_eq!(rig.truth().mode, Px4::Offboard);
+        rig.run(8.0);
+        assert!(rig.truth().position.e < 30.0, "{:?}", rig.truth());
+        assert!(!rig.station().has_alert("in OFFBOARD again"));
+    }
+}
+
 /// PX4 arms when the left stick is in its lower right corner for a second.
 #[test]
 fn sticks_start_no_motors() {
