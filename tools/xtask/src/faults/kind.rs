@@ -88,9 +88,10 @@ impl Kind {
         }
     }
 
-    /// Whether a vehicle's answer may not reach the node that commanded it.
+    /// Whether a vehicle's answer may not reach the node that commanded it, or not be accepted there: nothing is while the clock of the link
+    /// cannot be stored.
     pub(super) fn loses_answers(self) -> bool {
-        self == Kind::PauseOwner || self.cuts().contains(&Net::Air)
+        matches!(self, Kind::PauseOwner | Kind::SlowDiskOfOwner) || self.cuts().contains(&Net::Air)
     }
 
     fn cuts(self) -> &'static [Net] {
