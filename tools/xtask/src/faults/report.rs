@@ -97,6 +97,8 @@ pub(super) fn violations(records: &[Record]) -> Vec<String> {
         record
             .violations
             .iter()
+            // What a station has printed behind it is in the log of the run.
+            .map(move |violation| violation.lines().next().unwrap_or_default())
             .map(move |violation| format!("{line}: {violation}"))
     });
     each.collect()
