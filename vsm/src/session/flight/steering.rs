@@ -275,7 +275,8 @@ impl Steering {
         (self.flown).is_some_and(|flown| matches!(flown.phase, Phase::Aside | Phase::Back))
     }
 
-    /// Notes the mode that the vehicle shows; `holds`: by a failsafe of PX4 that would act for want of set points. The stream ends when the vehicle has left the mode otherwise.
+    /// Notes the mode that the vehicle shows; `holds`: by a failsafe of PX4 that would act for want of set points. The stream ends when
+    /// the vehicle has left the mode otherwise.
     pub(super) fn note_mode(
         &mut self,
         now: Duration,

@@ -264,6 +264,19 @@ fn another_mode_ends_set_points_that_stand_still_once_it_is_entered() {
     }
 }
 
+/// PX4 may be in a failsafe as well, as for its battery: it does not miss set points in a mode that was commanded.
+#[test]
+fn a_hold_that_is_commanded_ends_set_points_whatever_failsafe_the_vehicle_shows() {
+    let (mut world, mut flight) = fast(Some(0.0));
+    command(&mut world, &mut flight, select(Mode::Loiter));
+    world.command_was_sent();
+    fails_over(&mut world, Px4Mode::LOITER, MavState::MAV_STATE_CRITICAL);
+    answer_mode(&mut world, &mut flight, ACCEPTED);
+    world.posts();
+    assert_eq!(streamed(&mut world, &mut flight, 20), []);
+    assert!(!steers(&world, &flight));
+}
+
 /// A pilot may have switched it back, or PX4: nothing tells which.
 #[test]
 fn a_vehicle_that_shows_the_mode_again_hovers_until_it_is_commanded_anew() {
