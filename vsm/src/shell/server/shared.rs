@@ -134,7 +134,7 @@ pub(super) struct Core {
     pub(super) web: Clients,
     /// When this node's lease of the VSM ends, where several nodes share its store.
     pub(super) lease: watch::Receiver<Option<Instant>>,
-    /// Counts what arrives from vehicles.
+    /// Counts what arrives from vehicles, and what is sent to them.
     pub(super) gathering: Arc<Gathering>,
 }
 

@@ -138,7 +138,7 @@ pub(super) async fn receive_vehicle(
                         let more = (taken < at_once).then(|| reader.try_receive(&mut bytes));
                         next = more.flatten();
                     }
-                    core.gathering.count(taken);
+                    core.gathering.count_arrived(taken);
                     taken
                 });
                 // A socket that is never empty would occupy the thread, and with a thousand vehicles there are several of them: what
@@ -266,7 +266,11 @@ pub(super) async fn send(
                     write_log(&shared.core.borrow().bridge.trace_vehicle(index, &frame));
                 }
                 // A writer is a shared handle, so cloning is cheap.
-                let writer = shared.core.borrow().writers.get(index).cloned();
+                let writer = {
+                    let core = shared.core.borrow();
+                    core.gathering.count_sent();
+                    core.writers.get(index).cloned()
+                };
                 if let Some(writer) = writer
                     && !send_frame(&shared, index, &frame, &writer)
                 {
