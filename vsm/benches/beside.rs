@@ -30,7 +30,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use kit::Random;
-use kit::measure::{Spread, cpu_time, in_turns, wakeups};
+use kit::measure::{Spread, cpu_time, given, in_turns, wakeups};
 use kit::process::{Running, hex};
 
 use bridge::World;
@@ -56,13 +56,6 @@ fn main() {
 
 fn number(option: &str) -> Option<u32> {
     given(option)?.parse().ok()
-}
-
-/// What follows this option.
-fn given(option: &str) -> Option<String> {
-    std::env::args()
-        .skip_while(|argument| argument != option)
-        .nth(1)
 }
 
 /// Other people's programs, as far as they are here.

@@ -1,7 +1,7 @@
 //! `vsm run` with many vehicles: processor time, memory, how long a mode change takes to its 3001 meanwhile, and what was lost.
 //! Prints a Markdown table; `cargo bench -p vsm --bench fleet`, `-- --vehicles 200 --seconds 2` for one row of another size and shorter
 //! turns, `--pack` with what is due together for a CUCS in one datagram (`cucs.pack`), `--bridges 2` for the vehicles divided between two
-//! processes. A figure is the median of five turns.
+//! processes, `--before PROGRAM` for another build of `vsm` beside it, each twice. A figure is the median of five turns.
 //!
 //! Each vehicle signs with a key of its own, and sends HEARTBEAT at 1 Hz and ATTITUDE, GLOBAL_POSITION_INT, VFR_HUD and
 //! ATTITUDE_QUATERNION at 10 Hz each; 200 share a link. Three CUCSs listen to all of them with the schedules that a bridge has
@@ -16,6 +16,7 @@ use std::collections::{HashMap, HashSet};
 use std::fmt::Write as _;
 use std::fs;
 use std::net::{SocketAddr, UdpSocket};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Barrier, Mutex};
@@ -23,7 +24,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use kit::clock::wall;
-use kit::measure::{Spread, cpu_time, memory_kb, quantile};
+use kit::measure::{Spread, cpu_time, given, memory_kb, quantile, waited_for_a_core};
 use kit::process::write_key;
 use mavlink_link::dialect::{
     ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, GLOBAL_POSITION_INT_DATA, HEARTBEAT_DATA,
@@ -43,9 +44,9 @@ fn main() {
         return;
     }
     println!(
-        "| `vsm run`, three CUCSs | frames/s | of a core, % | CPU a frame, us | memory | mode change p50, us | p99, us | reports/s | lost |"
+        "| `vsm run`, three CUCSs | frames/s | of a core, % | waited for a core, % | CPU a frame, us | memory | mode change p50, us | p99, us | reports/s | lost |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     let seconds = number("--seconds").unwrap_or(4);
     let pack = std::env::args().any(|argument| argument == "--pack");
     let all = [
@@ -59,28 +60,48 @@ fn main() {
     ];
     let bridges = number("--bridges").unwrap_or(1);
     let rows = number("--vehicles").map_or(all.to_vec(), |only| vec![(only, pack, bridges)]);
+    let now = Program {
+        path: common::vsm().to_owned(),
+        is_before: false,
+    };
+    let programs = given("--before").map_or(vec![now.clone()], |path| {
+        let before = Program {
+            path: PathBuf::from(path),
+            is_before: true,
+        };
+        vec![now.clone(), before.clone(), before, now.clone()]
+    });
     for (vehicles, pack, bridges) in rows {
-        // Of several, each has its part of the vehicles, and a driver and stations of its own.
-        let all_fly = Barrier::new(bridges as usize);
-        thread::scope(|scope| {
-            for _ in 0..bridges {
-                scope.spawn(|| {
-                    let world = World::start(vehicles / bridges, pack);
-                    all_fly.wait();
-                    world.measure(seconds, bridges);
-                });
-            }
-        });
+        for program in &programs {
+            // Of several, each has its part of the vehicles, and a driver and stations of its own.
+            let all_fly = Barrier::new(bridges as usize);
+            thread::scope(|scope| {
+                for _ in 0..bridges {
+                    scope.spawn(|| {
+                        let world = World::start(program, vehicles / bridges, pack);
+                        all_fly.wait();
+                        world.measure(seconds, bridges);
+                    });
+                }
+            });
+        }
     }
 }
 
+/// A build of `vsm`.
+#[derive(Clone)]
+struct Program {
+    path: PathBuf,
+    is_before: bool,
+}
+
 fn number(option: &str) -> Option<u32> {
-    let mut arguments = std::env::args().skip_while(|argument| argument != option);
-    arguments.nth(1)?.parse().ok()
+    given(option)?.parse().ok()
 }
 
 /// The bridge, its vehicles, and threads that read what its CUCSs are sent.
 struct World {
+    program: Program,
     vsm: Child,
     vehicles: Vec<Vehicle>,
     links: Vec<(UdpSocket, SocketAddr)>,
@@ -96,6 +117,8 @@ struct World {
 struct Turn {
     frames_s: f64,
     core_percent: f64,
+    /// How long it could have run and did not, as a part of the turn.
+    waited_percent: f64,
     frame_us: f64,
     p50_us: f64,
     p99_us: f64,
@@ -124,7 +147,7 @@ struct Station {
 }
 
 impl World {
-    fn start(count: u32, pack: bool) -> World {
+    fn start(program: &Program, count: u32, pack: bool) -> World {
         let folder = tempfile::tempdir().expect("a folder");
         let dli = free();
         let links: Vec<_> = (0..count.div_ceil(ON_A_LINK))
@@ -168,7 +191,7 @@ impl World {
         text += "[store]\ndir = \"state\"\n";
         let config = folder.path().join("vsm.toml");
         fs::write(&config, text).expect("the configuration");
-        let vsm = Command::new(common::vsm())
+        let vsm = Command::new(&program.path)
             .args(["run", "--config"])
             .arg(&config)
             .env("RUST_LOG", "off")
@@ -176,6 +199,7 @@ impl World {
             .spawn()
             .expect("vsm run");
         let mut world = World {
+            program: program.clone(),
             vsm,
             vehicles,
             links,
@@ -283,14 +307,23 @@ impl World {
                 format!("of-{bridges}-bridges-"),
             ),
         };
+        let before = if self.program.is_before {
+            ", before"
+        } else {
+            ""
+        };
         println!(
-            "| {vehicles} vehicles{kind} | {:.0} | {core:.1} | {:.1} | {memory_mb:.1} MB | {:.0} | {p99:.0} | {:.0} | {} frames, {unanswered} mode changes |",
+            "| {vehicles} vehicles{kind}{before} | {:.0} | {core:.1} | {:.1} | {:.1} | {memory_mb:.1} MB | {:.0} | {p99:.0} | {:.0} | {} frames, {unanswered} mode changes |",
             of(|turn| turn.frames_s).median,
+            of(|turn| turn.waited_percent),
             of(|turn| turn.frame_us),
             of(|turn| turn.p50_us),
             of(|turn| turn.reports_s).median,
             sent.saturating_sub(taken),
         );
+        if self.program.is_before {
+            return;
+        }
         for (what, spread) in [
             ("core-percent", core),
             ("mode-p99-us", p99),
@@ -305,10 +338,12 @@ impl World {
 
     fn turn(&mut self, seconds: u32) -> Turn {
         let (cpu, sent, reports) = (cpu_time(self.vsm.id()), self.sent, self.reports());
+        let waited = waited_for_a_core(self.vsm.id());
         let begun = Instant::now();
         self.fly(seconds, true);
         let took = begun.elapsed().as_secs_f64();
         let cpu = cpu_time(self.vsm.id()).saturating_sub(cpu).as_secs_f64();
+        let waited = waited_for_a_core(self.vsm.id()).saturating_sub(waited);
         let (sent, reports) = ((self.sent - sent) as f64, self.reports() - reports);
         let mut times = Vec::new();
         for station in &self.stations {
@@ -318,6 +353,7 @@ impl World {
         Turn {
             frames_s: sent / took,
             core_percent: cpu / took * 100.0,
+            waited_percent: waited.as_secs_f64() / took * 100.0,
             frame_us: cpu * 1e6 / sent,
             p50_us: quantile(&mut times, 0.5),
             p99_us: quantile(&mut times, 0.99),
@@ -332,7 +368,7 @@ impl World {
 
     /// How many messages the bridge has believed of all vehicles.
     fn taken(&self) -> u64 {
-        let status = Command::new(common::vsm())
+        let status = Command::new(&self.program.path)
             .args(["status", "--json", "--config"])
             .arg(self.folder.path().join("vsm.toml"))
             .output()

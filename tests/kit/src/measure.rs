@@ -19,6 +19,12 @@ use std::time::{Duration, Instant};
 
 use crate::Random;
 
+/// What follows this option of a bench.
+pub fn given(option: &str) -> Option<String> {
+    let mut arguments = std::env::args().skip_while(|argument| argument != option);
+    arguments.nth(1)
+}
+
 /// Measures each subject once in each turn, in an order drawn for that turn: for each subject its values, turn by turn.
 pub fn in_turns<S, V>(
     turns: usize,
@@ -119,6 +125,14 @@ pub fn cpu_time(process: u32) -> Duration {
     Duration::from_nanos(ns)
 }
 
+/// How long threads of a process that could run have waited for a core, all together.
+pub fn waited_for_a_core(process: u32) -> Duration {
+    let ns = of_tasks(process, "schedstat", |text| {
+        text.split(' ').nth(1)?.parse().ok()
+    });
+    Duration::from_nanos(ns)
+}
+
 /// How often threads of a process have waited for something, and so were woken afterwards.
 pub fn wakeups(process: u32) -> u64 {
     of_tasks(process, "status", |text| {
@@ -144,9 +158,18 @@ fn of_tasks(process: u32, file: &str, read: impl Fn(&str) -> Option<u64>) -> u64
 
 /// Resident memory of a process, kB.
 pub fn memory_kb(process: u32) -> f64 {
+    of_status(process, "VmRSS:")
+}
+
+/// Of it what is the process's own, without pages of its files; kB.
+pub fn own_memory_kb(process: u32) -> f64 {
+    of_status(process, "RssAnon:")
+}
+
+fn of_status(process: u32, name: &str) -> f64 {
     let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
-    let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    let number = resident.and_then(|rest| rest.split_whitespace().next());
+    let line = status.lines().find_map(|line| line.strip_prefix(name));
+    let number = line.and_then(|rest| rest.split_whitespace().next());
     number.and_then(|kb| kb.parse().ok()).unwrap_or(f64::NAN)
 }
 

@@ -11,7 +11,7 @@ use std::process::Command;
 use anyhow::{Context as _, Result, bail};
 
 use crate::sbom;
-use crate::steps::{Steps, cargo, generate, is_there, option, root};
+use crate::steps::{FLIGHT, Steps, cargo, generate, is_there, option, root};
 
 /// Builds release programs and packs them into `target/deb`; `--bins DIR` packs those of a folder, uncompressed, and
 /// `--out DIR` puts the package elsewhere.
@@ -31,7 +31,8 @@ pub(crate) fn build(steps: &mut Steps) -> Result<PathBuf> {
         // Once more for the flight binary, which has no simulator in it: in one build with the tools the feature is on.
         steps.run(&mut cargo([
             "build",
-            "--release",
+            "--profile",
+            FLIGHT,
             "--package",
             "vsm",
             "--bin",
@@ -50,7 +51,10 @@ pub(crate) fn build(steps: &mut Steps) -> Result<PathBuf> {
     let programs = bins
         .clone()
         .unwrap_or_else(|| root().join("target/release"));
-    lay_out(&tree, &programs)?;
+    let flight = bins
+        .clone()
+        .unwrap_or_else(|| root().join("target").join(FLIGHT));
+    lay_out(&tree, &programs, &flight)?;
     let beside = programs.join("generate");
     let mut manual = if beside.exists() {
         Command::new(beside)
@@ -226,10 +230,12 @@ fn installed_kib(folder: &Path) -> Result<u64> {
     Ok(bytes.div_ceil(1024))
 }
 
-fn lay_out(tree: &Path, programs: &Path) -> Result<()> {
+/// `flight` is the folder of the flight binary, `programs` that of the others.
+fn lay_out(tree: &Path, programs: &Path, flight: &Path) -> Result<()> {
     for name in PROGRAMS {
+        let folder = if name == "vsm" { flight } else { programs };
         copy(
-            &programs.join(name),
+            &folder.join(name),
             tree,
             &format!("usr/bin/{name}"),
             PROGRAM,

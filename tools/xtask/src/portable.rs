@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, bail};
 
-use crate::steps::{Steps, cargo, option, root};
+use crate::steps::{FLIGHT, Steps, cargo, option, root};
 
 /// Builds into `target/portable/ARCHITECTURE`, for this machine's processor or that of `--architecture`.
 pub(crate) fn build(steps: &mut Steps) -> Result<PathBuf> {
@@ -27,18 +27,21 @@ pub(crate) fn build(steps: &mut Steps) -> Result<PathBuf> {
         target.to_uppercase().replace('-', "_")
     );
     // The flight binary apart from the tools: built with them the simulator would be linked into it.
-    for (package, more) in [
+    let programs = [
         (
             "vsm",
+            FLIGHT,
             &["--no-default-features", "--features", "klv"] as &[&str],
         ),
-        ("cucs", &[]),
-        ("px4-sim", &[]),
-        ("curve-plan", &[]),
-    ] {
+        ("cucs", "release", &[]),
+        ("px4-sim", "release", &[]),
+        ("curve-plan", "release", &[]),
+    ];
+    for (package, profile, more) in programs {
         let mut command = cargo([
             "build",
-            "--release",
+            "--profile",
+            profile,
             "--locked",
             "--bins",
             "--target",
@@ -55,12 +58,8 @@ pub(crate) fn build(steps: &mut Steps) -> Result<PathBuf> {
     }
     let out = root().join("target/portable").join(&architecture);
     fs::create_dir_all(&out).with_context(|| out.display().to_string())?;
-    for name in ["vsm", "cucs", "px4-sim", "curve-plan"] {
-        let built = root()
-            .join("target")
-            .join(&target)
-            .join("release")
-            .join(name);
+    for (name, profile, _) in programs {
+        let built = root().join("target").join(&target).join(profile).join(name);
         fs::copy(&built, out.join(name)).with_context(|| built.display().to_string())?;
     }
     Ok(out)

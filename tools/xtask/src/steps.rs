@@ -135,3 +135,6 @@ fn line(command: &Command) -> String {
         .collect::<Vec<_>>()
         .join(" ")
 }
+
+/// Cargo's profile of the program that flies.
+pub(crate) const FLIGHT: &str = "flight";

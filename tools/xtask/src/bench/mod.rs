@@ -208,12 +208,13 @@ fn machine() -> String {
     )
 }
 
-const BENCHES: [Bench; 11] = [
+const BENCHES: [Bench; 12] = [
     Bench::of("mavlink-link", "frames", true),
     Bench::of("vsm", "beside", true),
     Bench::of("vsm", "sockets", true),
     Bench::of("vsm", "flight", true),
     Bench::of("vsm", "fleet", true),
+    Bench::of("vsm", "footprint", false),
     Bench::of("vsm", "protected", false),
     Bench::of("vsm", "bridge", false),
     Bench::of("stanag-msgs", "codec", false),
