@@ -53,7 +53,7 @@ pub(crate) fn ignored_fields(
     let mut names = Vec::new();
     each_set(&message, |one| {
         let applies = match one.name {
-            "Commanded Altitude" => {
+            ALTITUDE => {
                 // An aborted landing climbs only where the vehicle hovers.
                 (matches!(mode, Mode::Loiter | Mode::Autopilot | Mode::Launch)
                     || mode == Mode::AutolandWaveOff && climbs)
@@ -95,6 +95,9 @@ fn each_set(message: &Message, mut see: impl FnMut(&'static FieldInfo)) {
         }
     }
 }
+
+/// The field of 2016 that is reported in other words too.
+pub(crate) const ALTITUDE: &str = "Commanded Altitude";
 
 /// Messages that ask the vehicle for something, all of whose fields can be looked at alone; 2016 depends on its mode.
 const ASKING: &[u16] = &[

@@ -259,13 +259,7 @@ fn a_launch_that_is_commanded_again_and_again_starts_no_motors_after_the_landing
     let launch = orders::launch(10.0);
     let flies = |rig: &Rig| -rig.truth().position.d > 9.0;
     assert!(repeat_until(&mut rig, 1.0, 60.0, &launch, flies));
-    let node = Node::new(255, 190);
-    let land = command::long(
-        Node::new(1, 1),
-        MavCmd::MAV_CMD_DO_SET_MODE,
-        [1.0, 4.0, 6.0],
-    );
-    rig.vehicles[0].vehicle_mut().handle_message(node, &land);
+    chosen_by_others(&mut rig, LAND);
     let stands = |rig: &Rig| !rig.truth().armed;
     assert!(repeat_until(&mut rig, 1.0, 90.0, &launch, stands));
     let starts = |rig: &Rig| rig.truth().armed;
@@ -273,6 +267,57 @@ fn a_launch_that_is_commanded_again_and_again_starts_no_motors_after_the_landing
     let alerts = rig.station().alerts();
     let why = "the vehicle has landed since, and this only continues or repeats";
     assert!(rig.station().has_alert(why), "{alerts:?}");
+    // Its station does not know of a restart.
+    rig.restart_bridge();
+    assert!(!repeat_until(&mut rig, 0.5, 15.0, &launch, starts));
     rig.run(5.5);
     rig.done(launch);
+}
+
+/// Sub mode of AUTO.LAND.
+const LAND: f32 = 6.0;
+
+/// Another ground station, or a pilot's switch, has chosen a mode of AUTO.
+fn chosen_by_others(rig: &mut Rig, sub: f32) {
+    let to = Node::new(1, 1);
+    let mode = command::long(to, MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 4.0, sub]);
+    let by = Node::new(255, 190);
+    rig.vehicles[0].vehicle_mut().handle_message(by, &mode);
+}
+
+#[test]
+fn what_others_have_chosen_stays_though_the_bridge_is_restarted_under_a_stream() {
+    for (sub, chosen) in [(LAND, Px4::Land), (5.0, Px4::Rtl), (3.0, Px4::Loiter)] {
+        let mut rig = ready();
+        let fly = orders::mode(Mode::Waypoint);
+        repeat_until(&mut rig, 0.5, 3.0, &fly, |_| false);
+        assert_eq!(rig.truth().mode, Px4::Mission);
+        chosen_by_others(&mut rig, sub);
+        let left = |rig: &Rig| rig.truth().mode != chosen;
+        let alerts = |rig: &Rig| rig.station().alerts();
+        assert!(!repeat_until(&mut rig, 0.5, 3.0, &fly, left));
+        rig.restart_bridge();
+        let ended = repeat_until(&mut rig, 0.5, 10.0, &fly, left);
+        assert!(!ended, "{chosen:?} {:?}", alerts(&rig));
+        let why = "this only continues or repeats an earlier command";
+        assert!(rig.station().has_alert(why), "{:?}", alerts(&rig));
+        rig.run(5.5);
+        rig.done(fly);
+        assert_eq!(rig.truth().mode, Px4::Mission);
+    }
+}
+
+#[test]
+fn a_stream_that_nobody_has_ended_flies_on_over_a_restart() {
+    let mut rig = ready();
+    let fly = orders::mode(Mode::Waypoint);
+    let passed = |rig: &Rig| rig.truth().mission_seq >= 2;
+    assert!(repeat_until(&mut rig, 0.5, 120.0, &fly, passed));
+    rig.restart_bridge();
+    let back = |rig: &Rig| rig.truth().mode != Px4::Mission || rig.truth().mission_seq < 2;
+    assert!(!repeat_until(&mut rig, 0.5, 10.0, &fly, back));
+    // Another mode is an operator's decision, in whatever moment.
+    rig.restart_bridge();
+    rig.run(1.0);
+    rig.done(orders::mode(Mode::Loiter));
 }

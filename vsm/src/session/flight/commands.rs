@@ -146,9 +146,9 @@ impl Flight {
         just_loaded: bool,
         effects: &mut Effects<'_>,
     ) {
-        let (now, vehicle, mission) = (context.mono(), context.vehicle, &context.mission);
+        let (now, vehicle) = (context.mono(), context.vehicle);
         // What was uploaded for a command is not another one.
-        let repeats = !just_loaded && self.repeated.is_continued(now, origin, command);
+        let repeats = !just_loaded && self.repeated.is_continued(context, origin, command);
         let undecided =
             origin.and_then(|by| self.is_undecided(context, by, command, just_loaded, repeats));
         // Before all refusals: what repeats a refused command is part of a stream too, and no station pauses by a silence of the
@@ -158,8 +158,7 @@ impl Flight {
         } else {
             let other = || self.shown_other(vehicle, now).is_some();
             let over_other = vehicle.live().then(other);
-            self.repeated
-                .note(now, origin, command, mission, over_other)
+            self.repeated.note(context, origin, command, over_other)
         };
         if !vehicle.live() {
             return effects.refuse(origin, SILENT);
@@ -229,19 +228,26 @@ impl Flight {
             Ok(task) => task,
             Err(why) => return effects.refuse(origin, why),
         };
+        // Unused fields are reported, not refused: a station may send every field every time, and a commanded hold must be
+        // carried out.
+        let ignored = situation::mode_of(command, telemetry).map(|mode| {
+            let routed = task.flies_a_route(telemetry.mode);
+            let climbs = task.climbs();
+            let names = ignored_fields::ignored_fields(command, mode, routed, winged, climbs);
+            (mode, names)
+        });
         // PX4 refuses the terrain frame (11): without elevation files AGL is flown as height above home, which is reported.
-        if command.commanded_altitude.is_some()
+        let flies_altitude = command.commanded_altitude.is_some()
+            && !ignored
+                .as_ref()
+                .is_some_and(|(_, names)| names.contains(&ignored_fields::ALTITUDE));
+        if flies_altitude
             && command.altitude_type == Some(AltitudeType::Agl)
             && context.bounds.agl == Agl::AboveHome
         {
             effects.advise_agl();
         }
-        // Unused fields are reported, not refused: a station may send every field every time, and a commanded hold must be
-        // carried out.
-        if let Some((origin, mode)) = origin.zip(situation::mode_of(command, telemetry)) {
-            let routed = task.flies_a_route(telemetry.mode);
-            let climbs = task.climbs();
-            let names = ignored_fields::ignored_fields(command, mode, routed, winged, climbs);
+        if let Some((origin, (mode, names))) = origin.zip(ignored) {
             let place = format!(" in mode {}", mode.in_words());
             let text = ignored_fields::report(origin.message_type, &names, &place);
             self.unconfigured_named |= unconfigured.is_some();
@@ -295,7 +301,7 @@ impl Flight {
         }
         let running = self.maneuver.as_ref().and_then(|(by, _)| *by);
         if origin.is_some_and(|by| running == Some(by) || self.joined.last() == Some(&by)) {
-            self.repeated.begun(origin, command, mission, repetition);
+            self.repeated.begun(context, origin, command, repetition);
         }
     }
 

@@ -179,7 +179,7 @@ impl Flight {
         self.altimeter = settings::stored_altimeter(effects)?;
         self.contingencies.restore(effects)?;
         self.loss_action.restore(effects)?;
-        Ok(())
+        self.repeated.restore(effects)
     }
 
     /// A restart has interrupted this command.
@@ -309,6 +309,7 @@ impl Flight {
         self.take(context, input, effects);
         // Together with what was commanded, which does not wait for the disk: the vehicle must not fly on uncontrolled meanwhile.
         self.loss_action.store(effects);
+        self.repeated.store(effects);
     }
 
     fn take(&mut self, context: &Context<'_>, input: Input<'_>, effects: &mut Effects<'_>) {

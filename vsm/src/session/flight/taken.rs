@@ -10,7 +10,7 @@ use crate::session::other::Other;
 impl Flight {
     /// Who has taken the vehicle out of the mode that a CUCS repeats, or is about to. `at_end`: the route aboard was flown to its end.
     pub(super) fn taken_by(&self, context: &Context<'_>, at_end: bool) -> Option<String> {
-        let latest = self.repeated.0.as_ref()?;
+        let latest = self.repeated.latest.as_ref()?;
         let (vehicle, now) = (context.vehicle, context.mono());
         let telemetry = &vehicle.telemetry;
         let mode = telemetry.mode?;
@@ -79,7 +79,7 @@ impl Flight {
     /// Whether the latest 2016 has stopped the vehicle, or had it return or land, and is a new command because the vehicle flies on since,
     /// or is about to.
     pub(super) fn is_left(&self, context: &Context<'_>) -> bool {
-        let latest = self.repeated.0.as_ref();
+        let latest = self.repeated.latest.as_ref();
         let Some((latest, reached)) = latest.and_then(|one| Some((one, one.reached?))) else {
             return false;
         };
@@ -111,7 +111,7 @@ impl Flight {
     /// Whether the vehicle still flies what the latest 2016 has led to, or has landed by it, so that to carry it out again would only command the mode once
     /// more: a pilot or a failsafe that has just taken the vehicle, and is not reported yet, would lose it.
     pub(super) fn is_still_flown(&self, context: &Context<'_>) -> bool {
-        let latest = self.repeated.0.as_ref();
+        let latest = self.repeated.latest.as_ref();
         let Some((latest, reached)) = latest.and_then(|one| Some((one, one.reached?))) else {
             return false;
         };

@@ -109,6 +109,7 @@ fn a_command_log_that_cannot_be_written_is_reported_and_stops_nothing() {
         &command,
         &[
             "disk append commands-1b0000a0.log Process FAILS",
+            "disk save repeated-1b000101.json Process",
             "A 17000 2016 Received",
             "mav MAV_CMD_DO_SET_MODE 4 3",
         ],
@@ -192,6 +193,7 @@ fn a_plan_and_a_command_are_on_disk_before_they_are_answered() {
         &hold,
         &[
             "disk append commands-1b0000a0.log Process",
+            "disk save repeated-1b000101.json Process",
             "A 17000 2016 Received",
             "mav MAV_CMD_DO_SET_MODE 4 3",
         ],
@@ -201,6 +203,7 @@ fn a_plan_and_a_command_are_on_disk_before_they_are_answered() {
         &held,
         &[
             "disk append commands-1b0000a0.log Process",
+            "disk save repeated-1b000101.json Process",
             "A 17000 2016 CarriedOut",
         ],
     );
