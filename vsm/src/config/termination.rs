@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::error::{Fault, fault};
 use super::key::WhenAbsent::{Required, Value};
@@ -28,7 +28,7 @@ table! {
 }
 
 /// `vehicle.termination.action`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TerminationAction {
     /// MAV_CMD_DO_FLIGHTTERMINATION.

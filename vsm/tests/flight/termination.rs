@@ -4,6 +4,8 @@
 use std::time::Duration;
 
 use kit::bridge::{Rig, Setup, cucs, orders, vehicle_id};
+use mavlink_link::dialect::MavCmd;
+use mavlink_link::service::{Node, command};
 use px4_sim::Mode as Px4;
 use stanag_msgs::enums::{
     AckType, FlightPathControlMode as Mode, FtMode, FtState, LoiBitmap, RequestedAccess,
@@ -580,4 +582,66 @@ fn a_vehicle_that_is_not_received_is_commanded_for_a_while_and_reported_as_not_c
     rig.mav.faults.loss = 0.5;
     assert_eq!(rig.end(ticket), DONE);
     assert_eq!(rig.truth().mode, Px4::Termination);
+}
+
+/// Executed, and shown by the vehicle.
+fn landing() -> Rig {
+    let mut rig = airborne(LAND);
+    rig.send_plan(orders::square());
+    rig.done(orders::load());
+    rig.done(order(FtState::Arm));
+    rig.done(order(FtState::Execute));
+    assert_eq!(rig.truth().mode, Px4::Land);
+    rig
+}
+
+#[test]
+fn a_restart_of_the_bridge_does_not_end_it() {
+    let mut rig = landing();
+    rig.restart_bridge();
+    rig.run(2.0);
+    let alerts = rig.station().alerts();
+    assert_eq!(reported(&rig, 0), Some(FtState::Execute), "{alerts:?}");
+    assert!(rig.station().has_alert("executed before a restart"));
+    for refused in [Mode::Waypoint, Mode::Loiter] {
+        let ticket = rig.send(orders::mode(refused));
+        assert_eq!(rig.end(ticket), NO);
+        assert_eq!(rig.truth().mode, Px4::Land, "{refused:?}");
+    }
+    assert!(audited(&rig).contains("termination resumed"));
+    assert!(rig.until(60.0, |rig| !rig.truth().armed));
+    assert!(rig.until(5.0, |rig| reported(rig, 0) == Some(FtState::Reset)));
+    // Once it is over, nothing of it is left for the next start.
+    rig.restart_bridge();
+    rig.run(2.0);
+    assert_eq!(reported(&rig, 0), Some(FtState::Reset));
+}
+
+#[test]
+fn it_can_be_reset_after_a_restart() {
+    let mut rig = landing();
+    rig.restart_bridge();
+    rig.run(2.0);
+    rig.done(order(FtState::Reset));
+    rig.done(orders::mode(Mode::Loiter));
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+}
+
+#[test]
+fn what_the_vehicle_does_not_show_after_a_restart_is_reported_and_not_commanded_again() {
+    let mut rig = landing();
+    let to = Node::new(1, 1);
+    let hold = command::long(to, MavCmd::MAV_CMD_DO_SET_MODE, [1.0, 4.0, 3.0]);
+    rig.restart_bridge();
+    // A pilot has taken it meanwhile.
+    let by = Node::new(255, 190);
+    rig.vehicles[0].vehicle_mut().handle_message(by, &hold);
+    let said = rig.until(10.0, |rig| {
+        rig.station()
+            .has_alert("FLIGHT TERMINATION NOT SHOWN: commanded by")
+    });
+    assert!(said, "{:?}", rig.station().alerts());
+    assert_eq!(reported(&rig, 0), Some(FtState::Reset));
+    flies_on(&mut rig);
+    rig.done(orders::mode(Mode::Waypoint));
 }

@@ -79,6 +79,7 @@ impl Aircraft {
             .restore(&context!(self, dli), effects!(self, dli))?;
         self.mission.restore(effects!(self, dli))?;
         self.flight.restore(effects!(self, dli))?;
+        self.termination.restore(effects!(self, dli))?;
         let cut_off = self.held.restore(effects!(self, dli))?;
         if cut_off.launch {
             self.flight.cut_off_launch();

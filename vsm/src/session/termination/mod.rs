@@ -15,8 +15,9 @@
 //! Only a report after the last command counts as the vehicle's answer: it may have been landing or returning before.
 //!
 //! While it is commanded, and while the vehicle lands or returns by it, nothing else is flown: maneuvers and streams end,
-//! uploads are dropped, and every other command is refused until a reset.
+//! uploads are dropped, and every other command is refused until a reset. A restart of the VSM does not end that ([`record`]).
 
+mod record;
 mod rules;
 #[cfg(test)]
 mod tests;
@@ -28,7 +29,7 @@ use mapping::mode::Px4Mode;
 use mapping::status;
 use mavlink_link::dialect::{MavCmd, MavMessage};
 use mavlink_link::service::{Node, command};
-use mavlink_link::store::{Changes, Progress};
+use mavlink_link::store::{Changes, Progress, StoreError};
 use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, AlertPriority, FtMode, FtState, SubsystemId};
 use stanag_msgs::messages::FlightTerminationCommand;
@@ -65,6 +66,7 @@ pub(crate) struct Termination {
     report_at: Option<Duration>,
     /// What 3005 last reported to all listeners; `None` after a start.
     published: Option<FtState>,
+    stored: record::Stored,
 }
 
 /// An input.
@@ -153,6 +155,31 @@ impl Termination {
             }
             Input::Watch => self.watch(context, effects),
         }
+        self.stored.keep(&self.rules, effects);
+    }
+}
+
+/// Over a restart.
+impl Termination {
+    /// Takes up what was commanded before a restart.
+    ///
+    /// # Errors
+    /// Its record exists and cannot be read.
+    pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
+        let Some(rules) = self.stored.restore(effects)? else {
+            return Ok(());
+        };
+        self.rules = rules;
+        if let Some((by, action, _)) = rules.ordered() {
+            let words = text::cut_off(by, action);
+            effects.raise(
+                Cause::Termination,
+                AlertPriority::Emergency,
+                SUBSYSTEM,
+                words,
+            );
+        }
+        Ok(())
     }
 }
 
@@ -415,7 +442,10 @@ impl Termination {
             (Stage::Safe, Outcome::Reset(_, false)) => {
                 return effects.note(LogLevel::Info, words);
             }
-            (Stage::Safe, Outcome::Unconfirmed(..) | Outcome::Left(..)) => {
+            (
+                Stage::Safe,
+                Outcome::Unconfirmed(..) | Outcome::NotResumed(..) | Outcome::Left(..),
+            ) => {
                 effects.clear(Cause::Termination, "flight termination is not armed");
                 return effects.notify(AlertPriority::Emergency, SUBSYSTEM, words);
             }
@@ -424,7 +454,9 @@ impl Termination {
                 return effects.notify(AlertPriority::Warning, SUBSYSTEM, words);
             }
             (Stage::Armed { .. }, _) => AlertPriority::Warning,
-            (Stage::Commanded { .. } | Stage::Executing { .. }, _) => AlertPriority::Emergency,
+            (Stage::Commanded { .. } | Stage::CutOff { .. } | Stage::Executing { .. }, _) => {
+                AlertPriority::Emergency
+            }
         };
         effects.raise(Cause::Termination, priority, SUBSYSTEM, words);
     }

@@ -5,7 +5,8 @@
 //!   stamps, of one CUCS that holds LOI 5 in control at an address that it has proven, each fresh, with no handover in
 //!   progress, within [`Plan::armed`] of each other.
 //! - It is disarmed if it is not commanded in time, if control changes, or if a reloaded configuration plans it differently.
-//!   A restart arms nothing: this state is not stored.
+//!   A restart arms nothing. One that was commanded is remembered over it, and never commanded again by itself: what the vehicle shows
+//!   decides whether it is still being done.
 //! - [`Stage::Executing`] is the vehicle's reported state, never the commanded one.
 //! - PX4 does not leave a flight termination: then no reset is granted.
 
@@ -45,6 +46,15 @@ pub(crate) enum Stage {
         until: Duration,
         /// The command was sent to the vehicle.
         sent: bool,
+    },
+    /// It was commanded before a restart of the VSM; what the vehicle does is not known yet.
+    CutOff {
+        /// The CUCS.
+        by: Id,
+        /// What was commanded.
+        action: Action,
+        /// Since when the vehicle shows something else.
+        left: Option<Duration>,
     },
     /// The vehicle shows it.
     Executing {
@@ -98,6 +108,11 @@ impl Shows {
                 | (Shows::Returning, Action::Return)
         )
     }
+
+    /// The same, once the vehicle has shown it: PX4 returns and then lands by itself.
+    pub(crate) fn continues(self, action: Action) -> bool {
+        self.does(action) || (self, action) == (Shows::Landing, Action::Return)
+    }
 }
 
 /// Why an order is refused.
@@ -132,6 +147,10 @@ pub(crate) enum Outcome {
     ControlPassed(Id),
     Replanned(Id),
     Confirmed(Id, Action),
+    /// The vehicle does what was commanded before a restart.
+    Resumed(Id, Action),
+    /// It does not.
+    NotResumed(Id, Action),
     /// The vehicle reports it without a command of this VSM.
     ByItself,
     Unconfirmed(Id, Action),
@@ -166,7 +185,7 @@ impl Rules {
             Stage::Safe => FtState::Reset,
             // Commanded does not mean executed: a range officer must not read that a vehicle is falling while it is still
             // flying.
-            Stage::Armed { .. } | Stage::Commanded { .. } => FtState::Arm,
+            Stage::Armed { .. } | Stage::Commanded { .. } | Stage::CutOff { .. } => FtState::Arm,
             Stage::Executing { .. } => FtState::Execute,
         }
     }
@@ -175,8 +194,31 @@ impl Rules {
     pub(crate) fn holds(&self) -> bool {
         matches!(
             self.stage,
-            Stage::Commanded { .. } | Stage::Executing { by: Some(_), .. }
+            Stage::Commanded { .. } | Stage::CutOff { .. } | Stage::Executing { by: Some(_), .. }
         )
+    }
+
+    /// What a restart must not forget: who has commanded which action.
+    pub(crate) fn ordered(&self) -> Option<(Id, Action, Latest)> {
+        match self.stage {
+            Stage::Commanded { by, action, .. }
+            | Stage::CutOff { by, action, .. }
+            | Stage::Executing {
+                by: Some(by),
+                action,
+                ..
+            } => Some((by, action, self.ordered)),
+            Stage::Safe | Stage::Armed { .. } | Stage::Executing { by: None, .. } => None,
+        }
+    }
+
+    /// After a restart, with what [`Rules::ordered`] was before it.
+    pub(crate) fn restored((by, action, ordered): (Id, Action, Latest)) -> Rules {
+        let left = None;
+        Rules {
+            stage: Stage::CutOff { by, action, left },
+            ordered,
+        }
     }
 
     /// A 2005.
@@ -200,7 +242,9 @@ impl Rules {
         let outcome = match self.stage {
             Stage::Safe => Outcome::Reset(at.by, false),
             Stage::Armed { .. } => Outcome::Reset(at.by, true),
-            Stage::Commanded { action, .. } => Outcome::Withdrawn(at.by, action),
+            Stage::Commanded { action, .. } | Stage::CutOff { action, .. } => {
+                Outcome::Withdrawn(at.by, action)
+            }
             Stage::Executing {
                 action: Action::Terminate,
                 ..
@@ -214,7 +258,9 @@ impl Rules {
         let armed = match self.stage {
             Stage::Armed { by, .. } => Some(by),
             Stage::Safe => None,
-            Stage::Commanded { .. } => return Err(Refusal::AlreadyCommanded),
+            Stage::Commanded { .. } | Stage::CutOff { .. } => {
+                return Err(Refusal::AlreadyCommanded);
+            }
             Stage::Executing { .. } => return Err(Refusal::AlreadyExecuting),
         };
         two_steps::may_arm(armed, self.ordered, at)?;
@@ -233,7 +279,9 @@ impl Rules {
         let (by, action, until) = match self.stage {
             Stage::Armed { by, action, until } => (by, action, until),
             Stage::Safe => return Err(two_steps::Refusal::NotArmed.into()),
-            Stage::Commanded { .. } => return Err(Refusal::AlreadyCommanded),
+            Stage::Commanded { .. } | Stage::CutOff { .. } => {
+                return Err(Refusal::AlreadyCommanded);
+            }
             Stage::Executing { .. } => return Err(Refusal::AlreadyExecuting),
         };
         two_steps::may_execute((by, until), self.ordered, at)?;
@@ -279,6 +327,10 @@ impl Rules {
                 by: Some(_),
                 action: action @ (Action::Land | Action::Return),
                 ..
+            }
+            | Stage::CutOff {
+                action: action @ (Action::Land | Action::Return),
+                ..
             } => {
                 self.stage = Stage::Safe;
                 Some(Outcome::ReleasedTo(controller, action))
@@ -320,9 +372,31 @@ impl Rules {
                 let stage = Stage::Executing { by, action, left };
                 (stage, Outcome::Confirmed(by?, action))
             }
-            (Stage::Safe | Stage::Armed { .. } | Stage::Commanded { .. }, Shows::Terminated) => {
-                (by_itself, Outcome::ByItself)
+            (Stage::CutOff { by, action, .. }, vehicle) if vehicle.continues(action) => {
+                let (by, left) = (Some(by), None);
+                let stage = Stage::Executing { by, action, left };
+                (stage, Outcome::Resumed(by?, action))
             }
+            (
+                Stage::Safe | Stage::Armed { .. } | Stage::Commanded { .. } | Stage::CutOff { .. },
+                Shows::Terminated,
+            ) => (by_itself, Outcome::ByItself),
+            (Stage::CutOff { by, action, .. }, Shows::Nothing) => {
+                let left = None;
+                self.stage = Stage::CutOff { by, action, left };
+                return None;
+            }
+            (Stage::CutOff { action, .. }, Shows::Disarmed) => (Stage::Safe, Outcome::Done(action)),
+            (Stage::CutOff { by, action, left }, _) => match left {
+                Some(since) if now >= since + LEFT_FOR => {
+                    (Stage::Safe, Outcome::NotResumed(by, action))
+                }
+                _ => {
+                    let left = left.or(Some(now));
+                    self.stage = Stage::CutOff { by, action, left };
+                    return None;
+                }
+            },
             (Stage::Armed { by, until, .. }, _) if now >= until => {
                 (Stage::Safe, Outcome::ArmedTooLong(by))
             }
@@ -343,7 +417,7 @@ impl Rules {
                 self.stage = Stage::Executing { by, action, left };
                 return None;
             }
-            (Stage::Executing { by, action, .. }, vehicle) if vehicle.does(action) => {
+            (Stage::Executing { by, action, .. }, vehicle) if vehicle.continues(action) => {
                 let left = None;
                 self.stage = Stage::Executing { by, action, left };
                 return None;
@@ -358,19 +432,6 @@ impl Rules {
             ) => (Stage::Safe, Outcome::Restarted),
             (Stage::Executing { action, .. }, Shows::Disarmed) => {
                 (Stage::Safe, Outcome::Done(action))
-            }
-            // PX4 returns and then lands by itself.
-            (
-                Stage::Executing {
-                    by,
-                    action: action @ Action::Return,
-                    ..
-                },
-                Shows::Landing,
-            ) => {
-                let left = None;
-                self.stage = Stage::Executing { by, action, left };
-                return None;
             }
             (Stage::Executing { by, action, left }, _) => match left {
                 Some(since) if now >= since + LEFT_FOR => (Stage::Safe, Outcome::Left(action)),
@@ -390,7 +451,9 @@ impl Rules {
     pub(crate) fn poll_timeout(&self) -> Option<Duration> {
         match self.stage {
             Stage::Armed { until, .. } | Stage::Commanded { until, .. } => Some(until),
-            Stage::Executing { left, .. } => left.map(|since| since + LEFT_FOR),
+            Stage::CutOff { left, .. } | Stage::Executing { left, .. } => {
+                left.map(|since| since + LEFT_FOR)
+            }
             Stage::Safe => None,
         }
     }

@@ -48,12 +48,22 @@ pub(super) fn audit(outcome: Outcome) -> (&'static str, Option<Id>) {
             ("termination disarmed", Some(by))
         }
         Outcome::Confirmed(by, _) => ("termination confirmed", Some(by)),
+        Outcome::Resumed(by, _) => ("termination resumed", Some(by)),
         Outcome::ByItself => ("termination shown", None),
-        Outcome::Unconfirmed(by, _) | Outcome::DisarmedFirst(by, _) => {
-            ("termination not confirmed", Some(by))
-        }
+        Outcome::Unconfirmed(by, _)
+        | Outcome::DisarmedFirst(by, _)
+        | Outcome::NotResumed(by, _) => ("termination not confirmed", Some(by)),
         Outcome::Done(_) | Outcome::Left(_) | Outcome::Restarted => ("termination ended", None),
     }
+}
+
+/// What a restart has found.
+pub(super) fn cut_off(by: Id, what: Action) -> String {
+    format!(
+        "FLIGHT TERMINATION COMMANDED by {by} before a restart of this VSM: {}; what the vehicle does is not known yet, and other \
+         commands are refused until it is, or until it is reset (2005 state 0)",
+        action(what)
+    )
 }
 
 /// The outcome, in words.
@@ -97,6 +107,16 @@ pub(super) fn outcome(outcome: Outcome, armed_s: f64, confirm_s: f64) -> String 
         Outcome::Confirmed(by, what) => format!(
             "FLIGHT TERMINATION EXECUTED by {by}: the vehicle shows that it is to {}; other commands are refused until it \
              is reset (2005 state 0)",
+            action(what)
+        ),
+        Outcome::Resumed(by, what) => format!(
+            "FLIGHT TERMINATION of {by}, executed before a restart of this VSM: the vehicle shows that it is to {}; other commands \
+             are refused until it is reset (2005 state 0)",
+            action(what)
+        ),
+        Outcome::NotResumed(by, what) => format!(
+            "FLIGHT TERMINATION NOT SHOWN: commanded by {by} before a restart of this VSM, the vehicle does not show that it is to {}; \
+             arm and execute it again",
             action(what)
         ),
         Outcome::ByItself => {

@@ -45,10 +45,12 @@ enum Input {
     Replanned(Option<Plan>),
     /// So much later, with this shown.
     Watch(Duration, Shows),
+    /// Of the VSM.
+    Restart,
 }
 
 fn inputs() -> Vec<Input> {
-    let mut all = vec![Input::Sent];
+    let mut all = vec![Input::Sent, Input::Restart];
     for order in [Order::Reset, Order::Arm, Order::Execute] {
         for by in [US, OTHER] {
             for stamp in [STAMP - 1, STAMP, STAMP + 1] {
@@ -87,6 +89,10 @@ fn apply(rules: &mut Rules, input: Input) -> Result<Option<Outcome>, Refusal> {
         Input::WithoutLayout(id) => Ok(rules.controlled_without_layout(id)),
         Input::Replanned(plan) => Ok(rules.replanned(plan)),
         Input::Watch(later, shown) => Ok(rules.watch(NOW + later, shown)),
+        Input::Restart => {
+            *rules = rules.ordered().map(Rules::restored).unwrap_or_default();
+            Ok(None)
+        }
     }
 }
 
@@ -98,6 +104,9 @@ fn seen_now(mut rules: Rules, later: Duration) -> Rules {
             .max(NOW - Duration::from_secs(1));
     }
     if let Stage::Executing {
+        left: Some(since), ..
+    }
+    | Stage::CutOff {
         left: Some(since), ..
     } = &mut rules.stage
     {
@@ -114,6 +123,7 @@ fn action_of(stage: Stage) -> Option<Action> {
         Stage::Safe => None,
         Stage::Armed { action, .. }
         | Stage::Commanded { action, .. }
+        | Stage::CutOff { action, .. }
         | Stage::Executing { action, .. } => Some(action),
     }
 }
@@ -171,15 +181,25 @@ fn check(before: Rules, input: Input, after: Rules, done: Result<Option<Outcome>
         let Input::Watch(_, shown) = input else {
             panic!("executed without the vehicle: {}", about());
         };
-        assert!(shown.does(action), "{}", about());
+        let continues = matches!(before.stage, Stage::CutOff { .. }) && shown.continues(action);
+        assert!(shown.does(action) || continues, "{}", about());
         let sent = matches!(before.stage, Stage::Commanded { sent: true, .. });
-        assert!(by.is_none() || sent, "{}", about());
+        assert!(by.is_none() || sent || continues, "{}", about());
+    }
+    // A restart forgets nothing that was commanded, arms nothing, and reports nothing as executed.
+    if let Input::Restart = input {
+        let of = |rules: &Rules| rules.ordered();
+        assert_eq!(of(&before), of(&after), "{}", about());
+        let kept = matches!(after.stage, Stage::Safe | Stage::CutOff { .. });
+        assert!(kept && before.holds() == after.holds(), "{}", about());
     }
     // Whoever controls can command again: by a reset in whatever layout, or at once.
     if let Input::WithoutLayout(_) = input {
         let lands = |action| matches!(action, Action::Land | Action::Return);
-        let held =
-            matches!(after.stage, Stage::Executing { by: Some(_), action, .. } if lands(action));
+        let held = matches!(
+            after.stage,
+            Stage::Executing { by: Some(_), action, .. } | Stage::CutOff { action, .. } if lands(action)
+        );
         assert!(!held, "{}", about());
     }
     // A time that is past would be polled again and again.
@@ -197,7 +217,8 @@ fn check(before: Rules, input: Input, after: Rules, done: Result<Option<Outcome>
     ) = (before.stage, before.stage == after.stage)
     {
         let restarted = matches!(input, Input::Watch(_, shown)
-            if !matches!(shown, Shows::Nothing | Shows::Terminated));
+            if !matches!(shown, Shows::Nothing | Shows::Terminated))
+            || matches!(input, Input::Restart);
         assert!(restarted, "{}", about());
     }
     if let Input::Watch(later, _) = input
@@ -207,14 +228,17 @@ fn check(before: Rules, input: Input, after: Rules, done: Result<Option<Outcome>
     }
     let expected = match after.stage {
         Stage::Safe => FtState::Reset,
-        Stage::Armed { .. } | Stage::Commanded { .. } => FtState::Arm,
+        Stage::Armed { .. } | Stage::Commanded { .. } | Stage::CutOff { .. } => FtState::Arm,
         Stage::Executing { .. } => FtState::Execute,
     };
     assert_eq!(after.reported(), expected);
     // Nothing changes without an outcome that is reported.
     let same = before.stage == after.stage
         || executing(&before).is_some() && executing(&before) == executing(&after);
-    if !same && !matches!(input, Input::Sent) {
+    // The time for which a vehicle shows something else is no news.
+    let waits = |rules: &Rules| matches!(rules.stage, Stage::CutOff { .. });
+    let same = same || (waits(&before) && waits(&after));
+    if !same && !matches!(input, Input::Sent | Input::Restart) {
         assert!(matches!(done, Ok(Some(_))), "{}", about());
     }
 }
