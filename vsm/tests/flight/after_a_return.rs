@@ -99,6 +99,33 @@ fn a_returned_vehicle_with_the_same_plan_is_left_alone() {
 }
 
 #[test]
+fn a_plan_that_another_station_has_changed_is_reported_and_left() {
+    for flies in [false, true] {
+        let mut rig = loaded();
+        if flies {
+            rig.take_off(20.0);
+            rig.done(orders::mode(Mode::Waypoint));
+        }
+        rig.run(3.0);
+        assert!(!rig.station().has_alert("another plan"), "{flies}");
+        foreign(&mut rig, &clear());
+        let before = plans(&rig);
+        let said = rig.until(5.0, |rig| {
+            rig.station().has_alert("another station has changed it")
+        });
+        assert!(said, "{flies}: {:?}", rig.station().alerts());
+        rig.run(10.0);
+        assert_eq!(plans(&rig), before, "{flies}: it is not sent again");
+        // The station decides.
+        if !flies {
+            rig.done(orders::load());
+            rig.run(3.0);
+            assert!(plans(&rig) > before);
+        }
+    }
+}
+
+#[test]
 fn a_plan_is_not_exchanged_under_a_vehicle_that_flies_its_mission() {
     let mut rig = loaded();
     // Another plan is put aboard by a restart of the VSM's memory of it: what it loaded is not what the vehicle has.

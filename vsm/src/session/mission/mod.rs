@@ -372,7 +372,8 @@ impl Mission {
                 let uploaded = store.uploaded.as_ref();
                 // A load that begins before would hold up those of CUCSs, and is not repeated where the fence is not taken at once.
                 let free = free.is_ok() && fence.is_aboard(context.vehicle) == Ok(true);
-                if resync.compare(context, uploaded, free, effects)
+                let may = (free, transfers.is_running());
+                if resync.compare(context, uploaded, may, effects)
                     && let Some(uploaded) = uploaded
                 {
                     transfers.load_again(uploaded);

@@ -1,9 +1,11 @@
-//! After a lost link or a restart of the vehicle: checks whether it still carries the loaded mission.
+//! Checks whether the vehicle still carries the loaded mission: after a lost link or a restart of the vehicle, and whenever it reports
+//! another one, which another station has sent it.
 //!
 //! PX4 identifies its mission by a checksum (MISSION_CURRENT.mission_id). If it differs from the one read back after the
 //! load, the loaded mission is sent again, byte for byte, with a warning. A mission is never replaced while the vehicle
 //! flies it: there is a warning, and the loaded one is sent once the vehicle leaves AUTO.MISSION. After a start of this VSM
-//! there is only a warning and nothing is sent without a command: another station may have changed the mission meanwhile.
+//! there is only a warning and nothing is sent without a command, and so there is where the mission changes while the link is up:
+//! another station has changed it, or may have, on purpose.
 
 use mapping::mode::Px4Mode;
 
@@ -19,6 +21,8 @@ pub(super) struct Resync {
     due: bool,
     /// Whether the warning was sent that the end of the mission is awaited.
     warned: bool,
+    /// The loaded one, since the vehicle has reported it.
+    shown: Option<u32>,
 }
 
 impl Resync {
@@ -29,15 +33,15 @@ impl Resync {
     }
 
     /// Compares once the vehicle has reported its mission. Returns true if the loaded one must be sent again. `free`:
-    /// whether that can begin now.
+    /// whether that can begin now; `transferring`: whether another one is being sent from here.
     pub(super) fn compare(
         &mut self,
         context: &Context<'_>,
         uploaded: Option<&UploadedMission>,
-        free: bool,
+        (free, transferring): (bool, bool),
         effects: &mut Effects<'_>,
     ) -> bool {
-        if !self.due || !context.vehicle.live() {
+        if !context.vehicle.live() {
             return false;
         }
         let telemetry = &context.vehicle.telemetry;
@@ -45,6 +49,23 @@ impl Resync {
             return false;
         };
         let loaded = uploaded.map_or(0, |uploaded| uploaded.mission_id);
+        if !self.due {
+            if loaded != 0 && mission.mission_id == loaded {
+                self.shown = Some(loaded);
+            } else if !transferring && self.shown.take() == Some(loaded) {
+                let flies = telemetry.mode == Some(Px4Mode::MISSION) && !telemetry.stands();
+                let follows = match flies {
+                    true => "and it flies that now",
+                    false => "load it again (13000) before it is flown",
+                };
+                effects.warn_of_link(format!(
+                    "the vehicle holds another plan ({:08x}) than the one loaded ({loaded:08x}): another station has changed it, \
+                     {follows}",
+                    mission.mission_id
+                ));
+            }
+            return false;
+        }
         // A mission without id cannot be compared; a mission being loaded is compared at the end of the load.
         if loaded == 0 || mission.mission_id == loaded {
             self.compared();
