@@ -115,6 +115,11 @@ fn a_plan_that_another_station_has_changed_is_reported_and_left() {
         });
         assert!(said, "{flies}: {:?}", rig.station().alerts());
         rig.run(10.0);
+        // Nor behind a gap of the link: it was changed on purpose.
+        rig.mav.faults.loss = 1.0;
+        rig.run(5.0);
+        rig.mav.faults.loss = 0.0;
+        rig.run(10.0);
         assert_eq!(plans(&rig), before, "{flies}: it is not sent again");
         // The station decides.
         if !flies {

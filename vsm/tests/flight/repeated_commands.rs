@@ -321,3 +321,16 @@ fn a_stream_that_nobody_has_ended_flies_on_over_a_restart() {
     rig.run(1.0);
     rig.done(orders::mode(Mode::Loiter));
 }
+
+#[test]
+fn a_stream_that_had_ended_before_a_restart_refuses_nothing() {
+    let mut rig = ready();
+    let fly = orders::mode(Mode::Waypoint);
+    rig.done(fly.clone());
+    chosen_by_others(&mut rig, 3.0);
+    rig.run(10.0);
+    rig.restart_bridge();
+    rig.run(1.0);
+    rig.done(fly);
+    assert_eq!(rig.truth().mode, Px4::Mission);
+}

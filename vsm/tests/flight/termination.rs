@@ -645,3 +645,16 @@ fn what_the_vehicle_does_not_show_after_a_restart_is_reported_and_not_commanded_
     flies_on(&mut rig);
     rig.done(orders::mode(Mode::Waypoint));
 }
+
+#[test]
+fn one_of_before_a_restart_of_the_computer_is_named_and_seizes_no_later_flight() {
+    let mut rig = landing();
+    rig.boot += 1;
+    rig.restart_bridge();
+    rig.run(3.0);
+    let alerts = rig.station().alerts();
+    assert!(rig.station().has_alert("it is not taken up"), "{alerts:?}");
+    assert_eq!(reported(&rig, 0), Some(FtState::Reset), "{alerts:?}");
+    rig.done(orders::mode(Mode::Loiter));
+    assert_eq!(rig.truth().mode, Px4::Loiter);
+}

@@ -174,6 +174,7 @@ impl Aircraft {
         let stopped = until.saturating_sub(from);
         let late_by = self.vehicle.reads_late_by(from);
         self.flight.note_stop(stopped);
+        self.termination.note_stop();
         self.mission.note_stop(stopped);
         self.held.note_stop(stopped);
         self.reports.note_stop(stopped);

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use mapping::event::Definitions;
 use mavlink_link::store::StoreError;
 use stanag_msgs::enums::{AlertPriority, SubsystemId};
-use stanag_msgs::messages::HoldCommand;
+use stanag_msgs::messages::{FlightTerminationCommand, HoldCommand};
 
 use super::{Aircraft, Context, Effects};
 use crate::config;
@@ -79,7 +79,6 @@ impl Aircraft {
             .restore(&context!(self, dli), effects!(self, dli))?;
         self.mission.restore(effects!(self, dli))?;
         self.flight.restore(effects!(self, dli))?;
-        self.termination.restore(effects!(self, dli))?;
         let cut_off = self.held.restore(effects!(self, dli))?;
         if cut_off.launch {
             self.flight.cut_off_launch();
@@ -89,6 +88,7 @@ impl Aircraft {
         }
         // The addresses of listeners are not known yet: `show_standing` follows.
         let listeners = std::mem::take(&mut self.listeners);
+        self.termination.restore(effects!(self, dli))?;
         let effects = effects!(self, dli);
         effects.raise(
             Cause::VehicleSilent,
@@ -156,9 +156,13 @@ impl Aircraft {
         } else {
             format!(" (mode {})", seen.mode)
         };
+        // A flight termination is not commanded again, but one that has begun is not ended by the restart either.
+        let look_at = match seen.message_type {
+            FlightTerminationCommand::ID => "3005 says what the vehicle shows of it",
+            _ => "check the vehicle's state",
+        };
         let why = format!(
-            "the VSM restarted while this was carried out{mode}: not resumed after the restart; \
-             check the vehicle's state"
+            "the VSM restarted while this was carried out{mode}: not resumed after the restart; {look_at}"
         );
         let effects = effects!(self, dli);
         self.mission.report_cut_off(station, seen, effects);

@@ -158,7 +158,8 @@ impl Flight {
         } else {
             let other = || self.shown_other(vehicle, now).is_some();
             let over_other = vehicle.live().then(other);
-            self.repeated.note(context, origin, command, over_other)
+            self.repeated
+                .note(context, origin, command, &context.mission, over_other)
         };
         if !vehicle.live() {
             return effects.refuse(origin, SILENT);
@@ -301,7 +302,9 @@ impl Flight {
         }
         let running = self.maneuver.as_ref().and_then(|(by, _)| *by);
         if origin.is_some_and(|by| running == Some(by) || self.joined.last() == Some(&by)) {
-            self.repeated.begun(context, origin, command, repetition);
+            let mission = &context.mission;
+            self.repeated
+                .begun(context, origin, command, mission, repetition);
         }
     }
 

@@ -9,8 +9,9 @@
 //! this VSM. There the mode alone counts, since a stream of steering commands has other values each time: one of the same mode within
 //! that time is refused with the reason for as long as the vehicle is not back in the mode.
 //!
-//! A station goes on repeating while the VSM is restarted. So what is known of its stream is recorded at each change, and a stream that
-//! continues within [`REPEATED_WITHIN`] of the start is the one of before: who had taken the vehicle from it still has it.
+//! A station repeats its 2016 while the VSM is restarted too. So what is known of a stream is on the disk for as long as it lasts, and one
+//! that continues within [`REPEATED_WITHIN`] of the start is the one of before: who had taken the vehicle from it still has it. Any
+//! other 2016 of that time may belong to a stream that is not known.
 //!
 //! An operator who sees the vehicle leave its hold, its return or its landing commands that again, more than once and at once. Where the
 //! vehicle flies on, and is not flown by hand, that is carried out each time: it takes nothing from anybody that is safer.
@@ -18,32 +19,35 @@
 use std::time::Duration;
 
 use mapping::mode::Px4Mode;
-use mavlink_link::store::{Store as _, StoreError};
+use mavlink_link::store::{Record as _, Store as _, StoreError};
 use serde::{Deserialize, Serialize};
 use stanag_msgs::Id;
 use stanag_msgs::enums::FlightPathControlMode as Mode;
 use stanag_msgs::messages::VehicleOperatingModeCommand;
 
-use super::Context;
 use super::situation::names_mode;
-use crate::session::context::{MissionView, Origin};
+use crate::session::context::{Context, MissionView, Origin};
 use crate::session::effects::Effects;
 use crate::session::log::LogLevel;
 use crate::session::other::{Other, flies_on};
 use crate::session::station::GroundStation;
-use crate::session::store::vehicle_record;
+use crate::session::store::{Uptime, vehicle_record};
 
 /// The last 2016 of a CUCS that names a mode.
 #[derive(Debug, Default)]
 pub(super) struct Repeated {
     pub(super) latest: Option<Latest>,
-    /// What the disk has of it, or should have.
-    stored: Option<Record>,
+    /// When the VSM was started; `None` once a 2016 has come.
+    started: Option<Duration>,
+    /// What the disk has.
+    stored: Option<Stream>,
+    /// When that is tried again, after a fault of the disk.
+    unsaved: Option<Duration>,
 }
 
-/// What is known of a stream, over a restart.
+/// What is known of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-struct Record {
+struct Stream {
     station: u32,
     mode: u8,
     mission_id: Option<u32>,
@@ -51,7 +55,14 @@ struct Record {
     reached: Option<u32>,
 }
 
-// A station that repeats over the start of a computer too has paused for longer than that takes; what a command leads to waits for no disk.
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Record {
+    stream: Option<Stream>,
+    /// When it was written: before the computer was restarted it may have been another stream, since nothing waits until the disk has it.
+    written: Option<Uptime>,
+}
+
+// A command must not wait for the disk; as with the log of commands, the end of this process alone is survived.
 vehicle_record!(Record, "repeated", Process);
 
 #[derive(Debug)]
@@ -100,13 +111,17 @@ impl Repeated {
         command: &VehicleOperatingModeCommand,
     ) -> bool {
         let now = context.mono();
-        sender(context.stations, origin, command).is_some_and(|by| match &self.latest {
-            Some(latest) => {
-                let same = by == latest.station && mode(command) == latest.mode();
-                same && now.saturating_sub(latest.at) < REPEATED_WITHIN
-            }
-            // The time is counted from the start of the process: the stream may be older than that.
-            None => now < REPEATED_WITHIN,
+        let starts = |started| now.saturating_sub(started) < REPEATED_WITHIN;
+        sender(context, origin, command).is_some_and(|by| {
+            // The stream may be older than this process.
+            self.continues(now, by, command) || self.started.is_some_and(starts)
+        })
+    }
+
+    fn continues(&self, now: Duration, by: Id, command: &VehicleOperatingModeCommand) -> bool {
+        self.latest.as_ref().is_some_and(|latest| {
+            let same = by == latest.station && mode(command) == latest.mode();
+            same && !latest.has_ended(now)
         })
     }
 
@@ -116,18 +131,19 @@ impl Repeated {
         context: &Context<'_>,
         origin: Option<Origin>,
         command: &VehicleOperatingModeCommand,
+        mission: &MissionView<'_>,
         over_other: Option<bool>,
     ) -> Repetition {
-        let continued = self.is_continued(context, origin, command);
-        let Some(station) = sender(context.stations, origin, command) else {
+        let Some(station) = sender(context, origin, command) else {
             return Repetition::None;
         };
         let now = context.mono();
-        let (command, mission_id) = (without_stamp(command), mission_id(&context.mission));
-        if let Some(latest) = self.latest.as_mut().filter(|_| continued) {
+        let may_continue = self.is_continued(context, origin, command);
+        let continues = self.continues(now, station, command);
+        self.started = None;
+        let (command, mission_id) = (without_stamp(command), mission_id(mission));
+        if let Some(latest) = self.latest.as_mut().filter(|_| continues) {
             latest.at = now;
-            // Just after a start of the VSM the one aboard is not known.
-            let mission_id = mission_id.or(latest.mission_id);
             if mission_id != latest.mission_id {
                 // Its operator has loaded another route, for which the vehicle was put on hold.
                 latest.reached = None;
@@ -148,10 +164,10 @@ impl Repeated {
             mission_id,
             at: now,
             state: State::Open,
-            over_other: over_other.filter(|_| !continued),
+            over_other: over_other.filter(|_| !may_continue),
             reached: None,
         });
-        if continued {
+        if may_continue {
             Repetition::OfMode
         } else {
             Repetition::None
@@ -164,14 +180,15 @@ impl Repeated {
         context: &Context<'_>,
         origin: Option<Origin>,
         command: &VehicleOperatingModeCommand,
+        mission: &MissionView<'_>,
         repetition: Repetition,
     ) {
         // One without a mode changes values in the mode that is flown.
-        let by = sender(context.stations, origin, command);
+        let by = sender(context, origin, command);
         let is_latest =
             |latest: &&mut Latest| by == Some(latest.station) && mode(command) == latest.mode();
         if let Some(latest) = self.latest.as_mut().filter(is_latest) {
-            latest.mission_id = mission_id(&context.mission);
+            latest.mission_id = mission_id(mission);
             // Else it only continues what was carried out.
             if repetition != Repetition::OfDone {
                 latest.state = State::Running;
@@ -205,22 +222,30 @@ impl Repeated {
         }
     }
 
-    /// Records what has changed; every input ends here.
+    /// Stores what has changed; every input ends here.
     pub(super) fn store(&mut self, effects: &mut Effects<'_>) {
-        let Some(record) = self.latest.as_ref().and_then(Latest::record) else {
-            return;
-        };
-        if self.stored == Some(record) {
+        let now = effects.dli.now.mono;
+        // What has ended must not refuse a command after the next start.
+        let lasts = self.latest.as_ref().filter(|one| !one.has_ended(now));
+        let stream = lasts.and_then(Latest::stream);
+        if stream == self.stored || self.unsaved.is_some_and(|again| now < again) {
             return;
         }
-        // Once for each change: a disk that keeps nothing has alerts of its own.
-        self.stored = Some(record);
+        let record = Record {
+            stream,
+            written: effects.dli.uptime(),
+        };
         let vehicle = effects.id;
-        if let Err(fault) = effects.disk().save(&vehicle, &record) {
-            let text = format!(
-                "{fault}; a 2016 that is repeated over a restart of the VSM would be taken for a new one"
-            );
-            effects.note(LogLevel::Warning, text);
+        match effects.disk().save(&vehicle, &record) {
+            Ok(()) => (self.stored, self.unsaved) = (stream, None),
+            Err(fault) => {
+                if self.unsaved.replace(now + RETRY_INTERVAL).is_none() {
+                    let text = format!(
+                        "{fault}; a 2016 that is repeated over a restart of the VSM may be taken for a new one"
+                    );
+                    effects.note(LogLevel::Warning, text);
+                }
+            }
         }
     }
 
@@ -229,20 +254,32 @@ impl Repeated {
     /// # Errors
     /// Its record exists and cannot be read.
     pub(super) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
-        let (vehicle, now) = (effects.id, effects.dli.now.mono);
-        self.stored = effects.disk().load::<Record>(&vehicle)?;
-        self.latest = self.stored.map(|record| Latest {
-            station: Id(record.station),
+        let (vehicle, now, uptime) = (effects.id, effects.dli.now.mono, effects.dli.uptime());
+        self.started = Some(now);
+        let record = effects.disk().load::<Record>(&vehicle)?;
+        let record = record.unwrap_or_default();
+        self.stored = record.stream;
+        let of_this_boot = uptime
+            .zip(record.written)
+            .is_some_and(|(now, written)| written.age(now).is_some());
+        // The node of a fleet that stood by knows that the one before has written it.
+        let is_last = of_this_boot
+            || effects
+                .disk()
+                .written_within(&Record::name(&vehicle))
+                .is_some();
+        self.latest = record.stream.filter(|_| is_last).map(|stream| Latest {
+            station: Id(stream.station),
             // Its values are not known: the first one that comes has others.
             command: Box::new(VehicleOperatingModeCommand {
-                select_flight_path_control_mode: Some(Mode::from_raw(record.mode)),
+                select_flight_path_control_mode: Some(Mode::from_raw(stream.mode)),
                 ..VehicleOperatingModeCommand::default()
             }),
-            mission_id: record.mission_id,
+            mission_id: stream.mission_id,
             at: now,
             state: State::Open,
-            over_other: record.over_other,
-            reached: record.reached.map(Px4Mode),
+            over_other: stream.over_other,
+            reached: stream.reached.map(Px4Mode),
         });
         Ok(())
     }
@@ -256,14 +293,18 @@ impl Repeated {
 }
 
 impl Latest {
-    fn record(&self) -> Option<Record> {
-        Some(Record {
+    fn stream(&self) -> Option<Stream> {
+        Some(Stream {
             station: self.station.0,
             mode: self.mode()?.raw(),
             mission_id: self.mission_id,
             over_other: self.over_other,
             reached: self.reached.map(|mode| mode.0),
         })
+    }
+
+    fn has_ended(&self, now: Duration) -> bool {
+        now.saturating_sub(self.at) >= REPEATED_WITHIN
     }
 
     pub(super) fn mode(&self) -> Option<Mode> {
@@ -299,12 +340,12 @@ impl Latest {
 
 /// The station of a command with a mode, as it arrives: a held one is carried out once.
 fn sender(
-    stations: &[GroundStation],
+    context: &Context<'_>,
     origin: Option<Origin>,
     command: &VehicleOperatingModeCommand,
 ) -> Option<Id> {
     let by = origin.filter(|origin| origin.held.is_none() && names_mode(command));
-    by.and_then(|origin| stations.get(origin.station))
+    by.and_then(|origin| context.stations.get(origin.station))
         .map(GroundStation::id)
 }
 
@@ -325,5 +366,7 @@ fn mission_id(mission: &MissionView<'_>) -> Option<u32> {
 
 /// The same command within this time after the last one is part of a stream.
 pub(super) const REPEATED_WITHIN: Duration = Duration::from_secs(5);
+/// After a fault of the disk.
+const RETRY_INTERVAL: Duration = Duration::from_secs(5);
 pub(super) const NOT_NEW: &str =
     "this only continues or repeats an earlier command: command another mode, or pause for 5 s";

@@ -34,6 +34,7 @@ use stanag_msgs::Message;
 use stanag_msgs::enums::{AckType, AlertPriority, FtMode, FtState, SubsystemId};
 use stanag_msgs::messages::FlightTerminationCommand;
 
+use self::record::Found;
 use self::rules::{Circumstances, Outcome, Plan, Refusal, Rules, Shows, Stage};
 use super::alerts::Cause;
 use super::context::{Context, Origin, TerminationView};
@@ -67,6 +68,8 @@ pub(crate) struct Termination {
     /// What 3005 last reported to all listeners; `None` after a start.
     published: Option<FtState>,
     stored: record::Stored,
+    /// What a restart has found and not taken up, to be said once the vehicle is there.
+    not_taken_up: Option<String>,
 }
 
 /// An input.
@@ -166,20 +169,26 @@ impl Termination {
     /// # Errors
     /// Its record exists and cannot be read.
     pub(crate) fn restore(&mut self, effects: &mut Effects<'_>) -> Result<(), StoreError> {
-        let Some(rules) = self.stored.restore(effects)? else {
-            return Ok(());
-        };
-        self.rules = rules;
-        if let Some((by, action, _)) = rules.ordered() {
-            let words = text::cut_off(by, action);
-            effects.raise(
-                Cause::Termination,
-                AlertPriority::Emergency,
-                SUBSYSTEM,
-                words,
-            );
+        match self.stored.restore(effects)? {
+            Found::Nothing => {}
+            Found::Recent(rules) => {
+                self.rules = rules;
+                if let Some(ordered) = rules.ordered() {
+                    let words = text::cut_off(ordered.by, ordered.action);
+                    let priority = AlertPriority::Emergency;
+                    effects.raise(Cause::Termination, priority, SUBSYSTEM, words);
+                }
+            }
+            Found::Old(by, action) => {
+                self.not_taken_up = Some(text::of_another_time(by, action));
+            }
         }
         Ok(())
+    }
+
+    /// The VSM did not run for some time.
+    pub(crate) fn note_stop(&mut self) {
+        self.rules.note_stop();
     }
 }
 
@@ -284,6 +293,11 @@ impl Termination {
 /// Progress of the termination.
 impl Termination {
     fn watch(&mut self, context: &Context<'_>, effects: &mut Effects<'_>) {
+        if context.vehicle.live()
+            && let Some(words) = self.not_taken_up.take()
+        {
+            effects.notify(AlertPriority::Warning, SUBSYSTEM, words);
+        }
         self.send_when_audited(context, effects);
         // First check what the vehicle has shown since the last command: if it shows the termination, nothing more is sent.
         let shown = self.shows(context);

@@ -53,6 +53,8 @@ pub(crate) enum Stage {
         by: Id,
         /// What was commanded.
         action: Action,
+        /// The vehicle had shown it.
+        shown: bool,
         /// Since when the vehicle shows something else.
         left: Option<Duration>,
     },
@@ -166,6 +168,18 @@ pub(crate) enum Outcome {
     Restarted,
 }
 
+/// An order that was sent to the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Ordered {
+    /// The CUCS.
+    pub(crate) by: Id,
+    pub(crate) action: Action,
+    /// The vehicle has shown it.
+    pub(crate) shown: bool,
+    /// The latest order that was taken.
+    pub(crate) latest: Latest,
+}
+
 /// The machine.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Rules {
@@ -198,26 +212,53 @@ impl Rules {
         )
     }
 
-    /// What a restart must not forget: who has commanded which action.
-    pub(crate) fn ordered(&self) -> Option<(Id, Action, Latest)> {
-        match self.stage {
-            Stage::Commanded { by, action, .. }
-            | Stage::CutOff { by, action, .. }
-            | Stage::Executing {
+    /// What a restart must not forget. An order of which nothing has left yet is not among it: what the vehicle does is not by it.
+    pub(crate) fn ordered(&self) -> Option<Ordered> {
+        let (by, action, shown) = match self.stage {
+            Stage::Commanded {
+                by,
+                action,
+                sent: true,
+                ..
+            } => (by, action, false),
+            Stage::CutOff {
+                by, action, shown, ..
+            } => (by, action, shown),
+            Stage::Executing {
                 by: Some(by),
                 action,
                 ..
-            } => Some((by, action, self.ordered)),
-            Stage::Safe | Stage::Armed { .. } | Stage::Executing { by: None, .. } => None,
-        }
+            } => (by, action, true),
+            _ => return None,
+        };
+        Some(Ordered {
+            by,
+            action,
+            shown,
+            latest: self.ordered,
+        })
     }
 
     /// After a restart, with what [`Rules::ordered`] was before it.
-    pub(crate) fn restored((by, action, ordered): (Id, Action, Latest)) -> Rules {
-        let left = None;
+    pub(crate) fn restored(ordered: Ordered) -> Rules {
+        let Ordered {
+            by, action, shown, ..
+        } = ordered;
         Rules {
-            stage: Stage::CutOff { by, action, left },
-            ordered,
+            stage: Stage::CutOff {
+                by,
+                action,
+                shown,
+                left: None,
+            },
+            ordered: ordered.latest,
+        }
+    }
+
+    /// The VSM did not run: what the vehicle showed before that is no reason to take it for left.
+    pub(crate) fn note_stop(&mut self) {
+        if let Stage::CutOff { left, .. } | Stage::Executing { left, .. } = &mut self.stage {
+            *left = None;
         }
     }
 
@@ -240,15 +281,28 @@ impl Rules {
             two_steps::follows(self.ordered, at)?;
         }
         let outcome = match self.stage {
-            Stage::Safe => Outcome::Reset(at.by, false),
-            Stage::Armed { .. } => Outcome::Reset(at.by, true),
-            Stage::Commanded { action, .. } | Stage::CutOff { action, .. } => {
-                Outcome::Withdrawn(at.by, action)
-            }
             Stage::Executing {
                 action: Action::Terminate,
                 ..
+            }
+            | Stage::CutOff {
+                action: Action::Terminate,
+                shown: true,
+                ..
             } => return Err(Refusal::Final),
+            Stage::Safe => Outcome::Reset(at.by, false),
+            Stage::Armed { .. } => Outcome::Reset(at.by, true),
+            Stage::CutOff {
+                action,
+                shown: true,
+                ..
+            } => Outcome::Released(at.by, action),
+            Stage::Commanded { action, .. }
+            | Stage::CutOff {
+                action,
+                shown: false,
+                ..
+            } => Outcome::Withdrawn(at.by, action),
             Stage::Executing { action, .. } => Outcome::Released(at.by, action),
         };
         Ok((Stage::Safe, outcome))
@@ -381,19 +435,38 @@ impl Rules {
                 Stage::Safe | Stage::Armed { .. } | Stage::Commanded { .. } | Stage::CutOff { .. },
                 Shows::Terminated,
             ) => (by_itself, Outcome::ByItself),
-            (Stage::CutOff { by, action, .. }, Shows::Nothing) => {
-                let left = None;
-                self.stage = Stage::CutOff { by, action, left };
+            (Stage::CutOff { .. }, Shows::Nothing) => {
+                self.note_stop();
                 return None;
             }
-            (Stage::CutOff { action, .. }, Shows::Disarmed) => (Stage::Safe, Outcome::Done(action)),
-            (Stage::CutOff { by, action, left }, _) => match left {
+            (
+                Stage::CutOff {
+                    by, action, shown, ..
+                },
+                Shows::Disarmed,
+            ) => match shown {
+                true => (Stage::Safe, Outcome::Done(action)),
+                false => (Stage::Safe, Outcome::DisarmedFirst(by, action)),
+            },
+            (
+                Stage::CutOff {
+                    by,
+                    action,
+                    shown,
+                    left,
+                },
+                _,
+            ) => match left {
                 Some(since) if now >= since + LEFT_FOR => {
                     (Stage::Safe, Outcome::NotResumed(by, action))
                 }
                 _ => {
-                    let left = left.or(Some(now));
-                    self.stage = Stage::CutOff { by, action, left };
+                    self.stage = Stage::CutOff {
+                        by,
+                        action,
+                        shown,
+                        left: left.or(Some(now)),
+                    };
                     return None;
                 }
             },

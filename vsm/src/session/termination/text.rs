@@ -60,8 +60,17 @@ pub(super) fn audit(outcome: Outcome) -> (&'static str, Option<Id>) {
 /// What a restart has found.
 pub(super) fn cut_off(by: Id, what: Action) -> String {
     format!(
-        "FLIGHT TERMINATION COMMANDED by {by} before a restart of this VSM: {}; what the vehicle does is not known yet, and other \
-         commands are refused until it is, or until it is reset (2005 state 0)",
+        "FLIGHT TERMINATION COMMANDED by {by} before a restart of this VSM: {}; no data from the vehicle yet, other commands are \
+         refused until it shows what it does, or until it is reset (2005 state 0)",
+        action(what)
+    )
+}
+
+/// What a restart has found, and cannot tell from a later flight.
+pub(super) fn of_another_time(by: Id, what: Action) -> String {
+    format!(
+        "a flight termination of {by} ({}) was not over when this VSM ended, which may be long ago: it is not taken up; if this is \
+         still that flight, look at what the vehicle does, and arm and execute it again",
         action(what)
     )
 }

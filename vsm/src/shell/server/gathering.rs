@@ -5,7 +5,8 @@
 //! wake-up serves all that has arrived meanwhile. It adds that time to whatever arrives then, commands of stations too. The telemetry of
 //! one vehicle never comes so fast; its commands wait for nothing. What does is a mission, parameters or a file, where each frame of the
 //! vehicle asks for the next of the bridge: there nothing more comes until that is sent, and a pause would gather nothing. So a frame that is
-//! sent to a vehicle counts against one that has arrived.
+//! sent to a vehicle counts against one that has arrived, whatever is in it: with many vehicles that are steered less is gathered than
+//! could be.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};

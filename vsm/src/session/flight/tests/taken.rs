@@ -255,7 +255,9 @@ fn a_stream_that_continues_over_a_restart_takes_the_vehicle_from_no_pilot() {
         (6, Px4Mode::POSCTL, false),
     ] {
         let (mut world, mut flight) = (World::airborne(shown), Flight::default());
-        world.now.mono = SECOND * since_start;
+        let restored = world.act(|_, _, effects| flight.restore(effects));
+        assert_eq!(restored, Ok(()));
+        world.advance(SECOND * since_start);
         world.show_mode(shown);
         let times = if held_back { 10 } else { 1 };
         for _ in 0..times {

@@ -186,12 +186,12 @@ fn check(before: Rules, input: Input, after: Rules, done: Result<Option<Outcome>
         let sent = matches!(before.stage, Stage::Commanded { sent: true, .. });
         assert!(by.is_none() || sent || continues, "{}", about());
     }
-    // A restart forgets nothing that was commanded, arms nothing, and reports nothing as executed.
+    // A restart forgets nothing that was sent, arms nothing, and reports nothing as executed.
     if let Input::Restart = input {
-        let of = |rules: &Rules| rules.ordered();
-        assert_eq!(of(&before), of(&after), "{}", about());
+        assert_eq!(before.ordered(), after.ordered(), "{}", about());
         let kept = matches!(after.stage, Stage::Safe | Stage::CutOff { .. });
-        assert!(kept && before.holds() == after.holds(), "{}", about());
+        let held = before.ordered().is_some();
+        assert!(kept && held == after.holds(), "{}", about());
     }
     // Whoever controls can command again: by a reset in whatever layout, or at once.
     if let Input::WithoutLayout(_) = input {
@@ -340,4 +340,40 @@ fn one_step_alone_twice_or_in_reverse_commands_nothing() {
         (Order::Execute, 3),
         (Order::Reset, 1)
     ]));
+}
+
+#[test]
+fn what_a_restart_takes_up_is_what_was_sent_and_final_where_it_was_shown() {
+    let at = |stamp, plan| Circumstances::good(NOW, US, stamp, plan, Shows::Flying);
+    for plan in [PLANS[1], PLANS[2]] {
+        let mut rules = Rules::default();
+        assert!(rules.order(Order::Arm, &at(1, plan)).is_ok());
+        assert!(rules.order(Order::Execute, &at(2, plan)).is_ok());
+        assert_eq!(rules.ordered(), None, "nothing was sent yet");
+        rules.sent();
+        let sent = rules.ordered().expect("it was sent");
+        let action = sent.action;
+        // Not shown: the vehicle may never have received it.
+        let mut cut_off = Rules::restored(sent);
+        let reset = cut_off.order(Order::Reset, &at(3, plan));
+        assert_eq!(reset, Ok(Outcome::Withdrawn(US, action)));
+        let mut cut_off = Rules::restored(sent);
+        let disarmed = cut_off.watch(NOW, Shows::Disarmed);
+        assert_eq!(disarmed, Some(Outcome::DisarmedFirst(US, action)));
+        let shows = match action {
+            Action::Terminate => Shows::Terminated,
+            _ => Shows::Landing,
+        };
+        assert_eq!(
+            rules.watch(NOW, shows),
+            Some(Outcome::Confirmed(US, action))
+        );
+        let mut cut_off = Rules::restored(rules.ordered().expect("it is shown"));
+        let reset = cut_off.order(Order::Reset, &at(3, plan));
+        if action == Action::Terminate {
+            assert_eq!(reset, Err(Refusal::Final));
+        } else {
+            assert_eq!(reset, Ok(Outcome::Released(US, action)));
+        }
+    }
 }
