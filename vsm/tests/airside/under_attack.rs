@@ -309,6 +309,8 @@ impl Flight {
                 .flatten()
                 .map(|key| format!("air: key {}", key.id())),
         );
+        // That a mode was commanded, lawfully.
+        names.retain(|name| !name.starts_with("repeated-"));
         names
     }
 
