@@ -228,7 +228,11 @@ impl Repeated {
         // What has ended must not refuse a command after the next start.
         let lasts = self.latest.as_ref().filter(|one| !one.has_ended(now));
         let stream = lasts.and_then(Latest::stream);
-        if stream == self.stored || self.unsaved.is_some_and(|again| now < again) {
+        if stream == self.stored {
+            self.unsaved = None;
+            return;
+        }
+        if self.unsaved.is_some_and(|again| now < again) {
             return;
         }
         let record = Record {

@@ -63,7 +63,11 @@ impl Stored {
             latest: ordered.latest.map(|(by, stamp)| (by.0, stamp.0)),
         });
         let now = effects.dli.now.mono;
-        if commanded == self.commanded || self.unsaved.is_some_and(|again| now < again) {
+        if commanded == self.commanded {
+            self.unsaved = None;
+            return;
+        }
+        if self.unsaved.is_some_and(|again| now < again) {
             return;
         }
         let record = Record {
